@@ -10,7 +10,7 @@ from docutils.parsers.rst import Directive
 from sphinx.util.inspect import stringify_signature
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "clients/python"))
+sys.path[:0] = [str(ROOT / "clients/python"), str(ROOT / "clients/nvisii")]
 
 import heliograph  # noqa: E402  (found by the line above)
 from heliograph.cli import make_parser  # noqa: E402

@@ -1,4 +1,5 @@
-"""The dependency rule of the Python client: which folder may import which, and no import circles.
+"""The dependency rules of the Python packages: which package and which folder may import which, and
+no import circles between modules, in one folder or several.
 
 usage: python_layers.py ROOT; prints file:line of each breach. Run by ctest.
 
@@ -10,8 +11,13 @@ import itertools
 import pathlib
 import sys
 
-PACKAGE = "heliograph"
-# Each may import itself and those before it.
+# Package: its folder, and which of the others it may import.
+PACKAGES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "heliograph": ("clients/python", ()),
+    "nvisii": ("clients/nvisii", ("heliograph",)),
+    "heliograph_replay": ("scripts", ("heliograph",)),
+}
+# Of heliograph: each may import itself and those before it.
 LAYERS = (
     ("_version", "errors"),
     ("_optional",),
@@ -25,7 +31,6 @@ LAYERS = (
     ("render",),
     ("client",),
     ("__init__",),  # gives the names of all folders, those of later ones on demand only
-    ("recording",),
     ("datasets",),
     ("torch",),
     ("cluster",),
@@ -36,6 +41,7 @@ LAYERS = (
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 Import = tuple[int, str]
+Modules = dict[str, pathlib.Path]
 
 
 def layer(module: str) -> str:
@@ -43,36 +49,63 @@ def layer(module: str) -> str:
     return module.split(".")[1] if "." in module else "__init__"
 
 
-def executed(node: ast.AST) -> list[ast.Import | ast.ImportFrom]:
-    """Imports that run, at once or in a call."""
-    found = []
+def is_type_checking(test: ast.expr) -> bool:
+    return ast.unparse(test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def executed(node: ast.AST) -> list[ast.stmt | ast.Call]:
+    """Imports that run, at once or in a call; calls of import_module too."""
+    found: list[ast.stmt | ast.Call] = []
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, (ast.Import, ast.ImportFrom)):
-            found.append(child)
-        elif isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+        if isinstance(child, ast.If) and is_type_checking(child.test):
             found += [i for branch in child.orelse for i in executed(ast.Module([branch], []))]
-        else:
-            found += executed(child)
+            continue
+        if isinstance(child, (ast.Import, ast.ImportFrom)) or imported_by_call(child):
+            found.append(child)
+        found += executed(child)
     return found
 
 
-def imports(file: pathlib.Path, module: str, modules: dict[str, pathlib.Path]) -> list[Import]:
-    """(line, module of the package) for each import that runs."""
+def imported_by_call(node: ast.AST) -> str:
+    """ "a.b" of import_module("a.b") and __import__("a.b"); "" of all else."""
+    if not isinstance(node, ast.Call) or not node.args:
+        return ""
+    function, first = ast.unparse(node.func).rpartition(".")[2], node.args[0]
+    if function not in ("import_module", "__import__") or not isinstance(first, ast.Constant):
+        return ""
+    return str(first.value)
+
+
+def absolute(name: str, level: int, package: str) -> str:
+    """`name` after `level` dots, in a package."""
+    if not level:
+        return name
+    parts = package.split(".")
+    return ".".join([*parts[: len(parts) - level + 1], *([name] if name else [])])
+
+
+def names_of(node: ast.stmt | ast.Call, package: str, modules: Modules) -> list[str]:
+    """What an import imports."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        base = absolute(node.module or "", node.level, package)
+        full = [f"{base}.{alias.name}" for alias in node.names]
+        return [name if name in modules else base for name in full]
+    name = imported_by_call(node)
+    return [absolute(name.lstrip("."), len(name) - len(name.lstrip(".")), package)]
+
+
+def imports(module: str, modules: Modules) -> list[Import]:
+    """(line, module of PACKAGES) for each import that runs."""
+    file = modules[module]
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found = []
-    for node in executed(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
-            continue
-        base = node.module or ""
-        if node.level:
-            parts = package.split(".")
-            above = parts[: len(parts) - node.level + 1]
-            base = ".".join([*above, *([base] if base else [])])
-        for alias in node.names:
-            full = f"{base}.{alias.name}"
-            found.append((node.lineno, full if full in modules else base))
-    return [(line, name) for line, name in found if name.split(".")[0] == PACKAGE]
+    return [
+        (node.lineno, name)
+        for node in executed(ast.parse(file.read_text()))
+        for name in names_of(node, package, modules)
+        if name.split(".")[0] in PACKAGES
+    ]
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -104,30 +137,47 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return found
 
 
-def main(root: pathlib.Path) -> int:
-    base = root / "clients/python"
+def refusal(module: str, other: str) -> str:
+    """Why a module may not import another; "": it may."""
+    package, theirs = module.split(".")[0], other.split(".")[0]
+    if theirs != package:
+        return "" if theirs in PACKAGES[package][1] else f"{package} may not import {other}"
+    if package != "heliograph" or layer(module) == layer(other):
+        return ""
+    allowed = RANK.get(layer(other), len(RANK)) < RANK[layer(module)]
+    return "" if allowed else f"{layer(module)} may not import {other}"
+
+
+def find_modules(root: pathlib.Path) -> Modules:
     modules = {}
-    for file in sorted((base / PACKAGE).rglob("*.py")):
-        name = ".".join(file.relative_to(base).with_suffix("").parts)
-        modules[name.removesuffix(".__init__")] = file
-    breaches = []
-    graph: dict[str, set[str]] = {}
+    for package, (folder, _) in PACKAGES.items():
+        for file in sorted((root / folder / package).rglob("*.py")):
+            name = ".".join(file.relative_to(root / folder).with_suffix("").parts)
+            modules[name.removesuffix(".__init__")] = file
+    return modules
+
+
+def find_breaches(modules: Modules) -> list[tuple[pathlib.Path, int, str]]:
+    found = []
+    graph: dict[str, set[str]] = {module: set() for module in modules}
     for module, file in modules.items():
-        graph[module] = set()
-        mine, where = layer(module), file.relative_to(root).as_posix()
-        if mine not in RANK:
-            breaches.append(f"{where}:1: no layer of python_layers.py: {mine}")
+        if module.split(".")[0] == "heliograph" and layer(module) not in RANK:
+            found.append((file, 1, f"no layer of python_layers.py: {layer(module)}"))
             continue
-        for line, other in imports(file, module, modules):
-            theirs = layer(other)
-            if theirs != mine and RANK.get(theirs, len(RANK)) >= RANK[mine]:
-                breaches.append(f"{where}:{line}: {mine} may not import {other}")
+        for line, other in imports(module, modules):
+            if reason := refusal(module, other):
+                found.append((file, line, reason))
             elif other in modules and other != module:
                 graph[module].add(other)
     for circle in circles(graph):
-        where = modules[circle[0]].relative_to(root).as_posix()
-        breaches.append(f"{where}:1: a circle of imports: {', '.join(circle)}")
-    print("".join(f"{breach}\n" for breach in breaches), end="")
+        found.append((modules[circle[0]], 1, f"a circle of imports: {', '.join(circle)}"))
+    return found
+
+
+def main(root: pathlib.Path) -> int:
+    breaches = find_breaches(find_modules(root))
+    for file, line, reason in breaches:
+        print(f"{file.relative_to(root).as_posix()}:{line}: {reason}")
     return 1 if breaches else 0
 
 

@@ -151,7 +151,7 @@ void add_flags(CLI::App& app, Config& config) {
                  "Address of a port for Prometheus, e.g. 127.0.0.1:9464; off by default");
   app.add_option(
       "--record", config.record,
-      "Record what clients ask in a file, or in a folder, a new file each start; heliograph replay "
+      "Record what clients ask in a file, or in a folder, a new file each start; scripts/replay "
       "plays it");
   app.add_flag("--reflection", config.reflection, "Tell callers the protocol's descriptors");
   app.add_option(

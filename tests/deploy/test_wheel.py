@@ -24,7 +24,7 @@ PYTHON = pathlib.Path(sys.executable).resolve()
 STDLIB = pathlib.Path(sysconfig.get_path("stdlib"))
 UNUSED = "test", "tests", "*-packages", "idlelib", "tkinter", "config-*", "EXTERNALLY-MANAGED"
 DEPENDENCIES = (
-    *("numpy", "grpcio", "protobuf", "googleapis-common-protos", "pillow", "tqdm"),
+    *("numpy", "grpcio", "protobuf", "googleapis-common-protos", "pillow", "pyyaml", "tqdm"),
     *("typing_extensions", "pip"),
 )
 PICTURE = """
@@ -49,6 +49,16 @@ with hg.connect() as client, client.create_scene() as scene:
         edit.entity("cam", camera=lens, transform=hg.look_at((0, -5, 2), (0, 0, 0.5)))
     hd.generate(scene, "cam", move, count=100, spp=16, writer=hd.Coco("/tmp/set"))
 assert hd.validate("/tmp/set").ok
+"""
+NVISII = """
+import importlib.util
+import nvisii
+assert importlib.util.find_spec("nvisii").origin.endswith("site-packages/nvisii/__init__.py")
+nvisii.initialize(headless=True)
+place, lens = nvisii.transform.create("eye"), nvisii.camera.create("eye")
+nvisii.set_camera_entity(nvisii.entity.create("eye", transform=place, camera=lens))
+nvisii.set_dome_light_color((1, 0, 0))
+nvisii.render_to_file(16, 16, 1, "/tmp/script.png")
 """
 FOR_GPUS = """
 import heliograph as hg
@@ -77,7 +87,7 @@ def tree_as(folder, uses_cuda):
 
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory):
-    """The folder of the three wheels."""
+    """The folder of the four wheels."""
     folder = tmp_path_factory.mktemp("wheels")
     glibc = os.confstr("CS_GNU_LIBC_VERSION").split()[1]
     for uses_cuda in ("OFF", "ON"):
@@ -137,6 +147,15 @@ def test_they_install_and_show_a_picture_and_make_a_data_set(python):
     assert installing <= 60 and first <= 5 and data_set <= 60
 
 
+def test_nvisii_is_a_wheel_of_its_own_that_brings_the_client(python):
+    pip = "-m", "pip", "install", "--no-index", "--find-links", "/wheels"
+    python(*pip, "heliograph-nvisii", "heliograph-server")
+    python("-c", NVISII)
+    assert (python.root / "tmp/script.png").stat().st_size > 50
+    python("-m", "pip", "uninstall", "--yes", "heliograph-nvisii")
+    python("-c", "import heliograph, importlib.util as u; assert u.find_spec('nvisii') is None")
+
+
 def test_that_for_gpus_goes_first_and_renders_where_there_is_none(python):
     pip = "-m", "pip", "install", "--no-index", "--find-links", "/wheels"
     python(*pip, "heliograph[server,server-cuda]")
@@ -146,8 +165,10 @@ def test_that_for_gpus_goes_first_and_renders_where_there_is_none(python):
 
 
 def test_what_they_are_and_how_large(wheels):
-    client, *servers = sorted(wheels.iterdir())
-    assert client.name.endswith("-py3-none-any.whl")
+    client, scripts, *servers = sorted(wheels.iterdir())
+    assert client.name.endswith("-py3-none-any.whl") and scripts.name.endswith("-py3-none-any.whl")
+    roots = {name.split("/")[0] for name in zipfile.ZipFile(scripts).namelist()}
+    assert roots == {"nvisii", "heliograph_nvisii-" + client.name.split("-")[1] + ".dist-info"}
     for server, package in zip(
         servers, ("heliograph_server", "heliograph_server_cuda"), strict=True
     ):
@@ -182,5 +203,5 @@ def test_each_says_what_it_is_made_of(wheels):
             for name, data in files.items()
             if data.startswith(b"\x7fELF")
         }
-        assert listed == here and bool(here) == (package != "heliograph")
+        assert listed == here and bool(here) == package.startswith("heliograph_server")
         assert f"{info}/sboms/{package}.cdx.json,sha256=" in files[f"{info}/RECORD"].decode()

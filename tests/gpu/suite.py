@@ -114,7 +114,8 @@ def imports(file):
 
 def lacking(bundle):
     """Integration tests that need packages which are not here, and the first of those."""
-    own = [*pathlib.Path(bundle, "python").iterdir(), *(ROOT / "tests").rglob("*.py")]
+    own = [*pathlib.Path(bundle, "python").iterdir(), *(ROOT / "scripts").iterdir()]
+    own += (ROOT / "tests").rglob("*.py")
     there = {path.stem for path in own}
     out = {}
     for file in sorted((ROOT / "tests/integration").glob("test_*.py")):

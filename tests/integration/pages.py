@@ -20,7 +20,8 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "clients/python/README.md", *sorted(DOCS.rglob("*.md"))]
+PACKAGES = [ROOT / f"clients/{name}/README.md" for name in ("python", "nvisii")]
+PAGES = [ROOT / "README.md", *PACKAGES, *sorted(DOCS.rglob("*.md"))]
 
 _BLOCK = re.compile(
     r"^(?:<!-- setup\n(?P<setup>.*?)^-->"

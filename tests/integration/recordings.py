@@ -10,11 +10,12 @@ import heliograph as hg
 import pytest
 from google.protobuf.internal.encoder import _VarintBytes
 from heliograph._wire._proto import recording_pb2 as pb
-from heliograph.recording.reader import Recording
-from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME, replay
 
-sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path += [str(ROOT / "tests/fault"), str(ROOT / "scripts")]
 import common  # noqa: E402
+from heliograph_replay.reader import Recording  # noqa: E402
+from heliograph_replay.replay import DIFFERS, NOT_PLAYED, SAME, replay  # noqa: E402
 from served import Served  # noqa: E402
 
 PLANES = ["beauty", "depth", "instance"]
@@ -89,7 +90,7 @@ def write_items(path, items):
 
 
 def replay_command(path, *arguments):
-    command = [sys.executable, "-m", "heliograph", "replay", str(path), *arguments]
+    command = [sys.executable, str(ROOT / "scripts/replay"), str(path), *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 

@@ -10,8 +10,8 @@ import heliograph as hg
 import numpy as np
 import pytest
 from heliograph._wire._proto import service_pb2 as service
-from heliograph.recording.reader import Recording
-from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME
+from heliograph_replay.reader import Recording
+from heliograph_replay.replay import DIFFERS, NOT_PLAYED, SAME
 from recordings import (
     PLANES,
     furnish,
@@ -193,6 +193,16 @@ def test_damaged_bytes_are_named(short):
     run = replay_command(short)
     assert run.returncode == 2
     assert re.search(r"damaged at byte \d+, after call 1 CreateScene", run.stderr), run.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("text", "text is no recording"), ("none", "none: No such file")]
+)
+def test_wrong_input_exits_with_2(tmp_path, name, told):
+    (tmp_path / "text").write_text("{} hello")
+    run = replay_command(tmp_path / name)
+    assert run.returncode == 2
+    assert told in run.stderr
 
 
 def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):

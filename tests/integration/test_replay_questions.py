@@ -10,8 +10,8 @@ import pytest
 from google.protobuf.message import DecodeError, Message
 from heliograph._wire._proto import recording_pb2 as pb
 from heliograph._wire._proto import service_pb2 as service
-from heliograph.recording.reader import Recording
-from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME, replay
+from heliograph_replay.reader import Recording
+from heliograph_replay.replay import DIFFERS, NOT_PLAYED, SAME, replay
 from recordings import (
     furnish,
     items_of,

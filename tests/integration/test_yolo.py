@@ -128,3 +128,13 @@ def test_what_yolo_cannot_say_is_refused(stage, tmp_path):
             edit.mesh("torus", **hg.shapes.torus(0.3, 0.05), keypoints={"one": (0.3, 0, 0)})
         with pytest.raises(hg.FailedPrecondition, match="ball has 2, bar has 1"):
             made(scene, tmp_path, task="pose")
+
+
+def test_names_are_read_as_they_are_written(stage, tmp_path):
+    odd = ["no", "3", "bolt, big: #2", "'", "ball \U0001f3be"]
+    with stage.branch() as scene:
+        with scene.edit() as edit:
+            edit.categories("unseen", "ball", "bar", *odd)
+        data = made(scene, tmp_path)[2]
+    assert list(data["names"].values()) == ["unseen", "ball", "bar", *odd]
+    assert hd.validate(tmp_path).ok

@@ -49,6 +49,15 @@ FAULTS = {
         "yolo.format",
         lambda root: (root / "images/val/000002.png").write_text("JFIF"),
     ),
+    "data.yaml is none": ("yolo.format", text("nc: 2", "nc: [2", "data.yaml")),
+    "data.yaml has an alias": (
+        "yolo.format",
+        text("val: images/val", "val: &v images/val\ntest: *v", "data.yaml"),
+    ),
+    "data.yaml is a list": (
+        "yolo.format",
+        lambda root: (root / "data.yaml").write_text("- images\n"),
+    ),
     "nc": ("yolo.data", text("nc: 2", "nc: 3", "data.yaml")),
     "names from 1": (
         "yolo.data",

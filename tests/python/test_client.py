@@ -267,8 +267,6 @@ def test_command_line_refusals(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ("replay text", "text is no recording"),
-        ("replay none", "none: No such file"),
         ("dataset dome --config none", "none: No such file"),
         ("rerender manifest.json none -o x.png", "no file none"),
         ("rerender none.exr none -o x.png", "no file none.exr"),
@@ -287,7 +285,7 @@ def test_wrong_input_exits_with_2(daemon, scene, tmp_path, monkeypatch, capsys, 
         (tmp_path / name).write_text("{} hello")
     (tmp_path / "picture.png").write_bytes(b"\x89PNG")
     words = arguments.split()
-    if words[0] not in ("replay", "dataset"):
+    if words[0] != "dataset":
         words += ["--address", daemon.address]
     assert cli.main(words) == 2
     assert told in capsys.readouterr().err

@@ -23,7 +23,6 @@ def make_parser() -> argparse.ArgumentParser:
         info,
         open_image,
         render,
-        replay,
         rerender,
         serve,
         validate,
@@ -38,14 +37,18 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"heliograph {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     looking = (render, view, export, dataset, info, serve)
-    for module in (*looking, validate, rerender, open_image, replay):
+    for module in (*looking, validate, rerender, open_image):
         module.add(commands)
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; its exit status."""
-    arguments = make_parser().parse_args(argv)
+    return run(make_parser().parse_args(argv))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Runs arguments.run, and tells of its errors; the exit status."""
     try:
         return int(arguments.run(arguments))
     except HeliographError as error:

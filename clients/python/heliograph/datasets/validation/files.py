@@ -1,4 +1,4 @@
-"""Reading files as a stranger would: listings, JSON, pictures. Used by the formats' modules."""
+"""Reading files as a stranger would: listings, JSON, YAML, pictures. Used by formats' modules."""
 
 from __future__ import annotations
 
@@ -72,6 +72,26 @@ def wanted_count(root: Path) -> int | None:
     if not isinstance(count, int):
         raise Malformed(path, f"count is {count!r}: needs a whole number")
     return count
+
+
+def read_yaml(path: Path) -> dict[Any, Any]:
+    """What a YAML file holds, which is a mapping. Aliases are refused: with them a few lines can
+    stand for gigabytes."""
+    import yaml
+
+    try:
+        text = path.read_bytes()
+        aliases = [event for event in yaml.parse(text) if isinstance(event, yaml.AliasEvent)]
+        found = None if aliases else yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise Malformed(path, f"is no YAML ({reason}): write it anew") from None
+    if aliases:
+        line = aliases[0].start_mark.line + 1
+        raise Malformed(path, f"line {line} has an alias (*name): write out what it stands for")
+    if not isinstance(found, dict):
+        raise Malformed(path, f"holds a {type(found).__name__}: needs lines of `name: value`")
+    return found
 
 
 class Row(NamedTuple):

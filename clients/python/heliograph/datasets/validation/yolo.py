@@ -5,6 +5,7 @@ Format: https://docs.ultralytics.com/datasets/detect, /segment, /pose.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -13,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from .files import PICTURES, batches, files, picture_size, wanted_count
+from .files import PICTURES, batches, files, picture_size, read_yaml, wanted_count
 from .formats import Format, Task
 from .masks import polygon_area
 from .report import Faults, Malformed
-from .yaml_subset import read_yaml
 
 CHECKS = {
     "format": "labels are lines of numbers, pictures can be read",
@@ -108,10 +108,10 @@ def _read_data(root: Path, faults: Faults) -> _Set | None:
         if value is None and key in ("train", "val"):
             wrong = wrong or f"has no {key}: needs the folder of its pictures"
         for name in value if isinstance(value, list) else [value] if isinstance(value, str) else ():
-            folder = (base if base.is_dir() else root) / name
-            if folder.is_dir() and folder not in folders:
+            folder = (base if os.path.isdir(base) else root) / name
+            if os.path.isdir(folder) and folder not in folders:
                 folders.append(folder)
-            elif not folder.is_dir() and key in ("train", "val", "test"):
+            elif not os.path.isdir(folder) and key in ("train", "val", "test"):
                 wrong = wrong or f"{key} is {name}, which is no folder here"
     if wrong:
         faults.add("data", path, wrong)

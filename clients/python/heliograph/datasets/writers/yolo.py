@@ -5,7 +5,6 @@ Format: https://docs.ultralytics.com/datasets/detect, /segment and /pose.
 
 from __future__ import annotations
 
-import json
 import os
 from typing import Any
 
@@ -92,22 +91,21 @@ class Yolo(Writer):
         return {"file": file, "instances": len(lines)}
 
     def finish(self, records: Records) -> None:
+        import yaml
+
         splits = self.dataset.splits
-        lines = [f"{split}: images/{split}" for split in splits]
+        data: dict[str, Any] = {str(split): f"images/{split}" for split in splits}
         if not splits:
-            lines = ["train: images", "val: images"]
+            data = {"train": "images", "val": "images"}
         elif "val" not in splits:
-            lines.append(f"val: images/{splits[-1]}")
-        lines.append("names:")
-        lines += [
-            f"  {k}: {json.dumps(self.dataset.categories[category])}"
-            for k, category in enumerate(self._classes)
-        ]
+            data["val"] = f"images/{splits[-1]}"
+        data["names"] = {k: str(self.dataset.categories[c]) for k, c in enumerate(self._classes)}
         if self.task == "pose":
-            names = {k: list(self._skeletons[c].names) for k, c in enumerate(self._classes)}
-            lines += [f"kpt_shape: [{len(names[0])}, 3]", "kpt_names:"]
-            lines += [f"  {k}: {json.dumps(each)}" for k, each in names.items()]
-        self.put("data.yaml", "\n".join(lines) + "\n")
+            names = {
+                k: list(map(str, self._skeletons[c].names)) for k, c in enumerate(self._classes)
+            }
+            data |= {"kpt_shape": [len(names[0]), 3], "kpt_names": names}
+        self.put("data.yaml", yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
 
 
 def _text(numbers: NdArray) -> str:

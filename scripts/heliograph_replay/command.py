@@ -1,24 +1,30 @@
-"""heliograph replay: plays what a daemon recorded, and tells whether the answers are the same."""
+"""The command scripts/replay: plays what a daemon recorded, and tells whether the answers are the
+same."""
 
 from __future__ import annotations
 
 import argparse
 import tempfile
 from collections import Counter
-from typing import Any
+from collections.abc import Sequence
 
-from ._daemon import EXIT_FAILED, add_connection, connect
+from heliograph import cli
+from heliograph.cli._daemon import EXIT_FAILED, add_connection, connect
+
+from .reader import Recording
+from .replay import DIFFERS, NOT_PLAYED, SAME, replay
 
 _PLENTY = ("--limit", "connections=4096", "--limit", "connections_per_peer=4096")
 
 
-def add(commands: Any) -> None:
-    parser = commands.add_parser(
-        "replay",
-        help="play what `heliographd --record` wrote, and compare the answers",
-        description="Plays a recording against a private daemon, or the one at --address, and "
-        "tells of each call whether its answer is the same: revisions, ids, statuses, and every "
-        "pixel. The same program on the same CPU gives the same. Exit status 1: something differs.",
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; its exit status."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/replay",
+        description="Plays what `heliographd --record` wrote against a private daemon, or the one "
+        "at --address, and tells of each call whether its answer is the same: revisions, ids, "
+        "statuses, and every pixel. The same program on the same CPU gives the same.",
+        epilog="Exit status: 0 the same, 1 different or failed, 2 wrong usage, 130 interrupted.",
     )
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--each", action="store_true", help="a line for every call")
@@ -27,27 +33,24 @@ def add(commands: Any) -> None:
         "--asset-root", metavar="DIR", help="of a private daemon, where the recorded one had one"
     )
     add_connection(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=_run)
+    return cli.run(parser.parse_args(argv))
 
 
-def run(arguments: argparse.Namespace) -> int:
-    from ..recording import replay
-    from ..recording.reader import Recording
-
+def _run(arguments: argparse.Namespace) -> int:
     recording = Recording(arguments.file)
     counts: Counter[tuple[str, str]] = Counter()
     with tempfile.TemporaryDirectory(prefix="heliograph-") as folder:
-        client: Any = connect(arguments, _flags(recording, arguments, folder))
-        with client:
-            for outcome in replay.replay(recording, client, arguments.tenant):
+        with connect(arguments, _flags(recording, arguments, folder)) as client:
+            for outcome in replay(recording, client, arguments.tenant):
                 counts[outcome.call.method, outcome.verdict] += 1
-                if outcome.verdict == replay.DIFFERS or arguments.each:
+                if outcome.verdict == DIFFERS or arguments.each:
                     print(f"{outcome.what}: {outcome.verdict}" + _because(outcome.text))
     _print_summary(recording, counts)
-    return EXIT_FAILED if any(verdict == replay.DIFFERS for _, verdict in counts) else 0
+    return EXIT_FAILED if any(verdict == DIFFERS for _, verdict in counts) else 0
 
 
-def _flags(recording: Any, arguments: argparse.Namespace, folder: str) -> list[str]:
+def _flags(recording: Recording, arguments: argparse.Namespace, folder: str) -> list[str]:
     """Of a private daemon like the one that recorded."""
     if arguments.address is not None:
         return []
@@ -60,9 +63,7 @@ def _because(text: str) -> str:
     return f": {text}" if text else ""
 
 
-def _print_summary(recording: Any, counts: Counter[tuple[str, str]]) -> None:
-    from ..recording.replay import DIFFERS, NOT_PLAYED, SAME
-
+def _print_summary(recording: Recording, counts: Counter[tuple[str, str]]) -> None:
     print(f"{'':16}{SAME:>12}{DIFFERS:>12}{NOT_PLAYED:>12}")
     for method in sorted({method for method, _ in counts}):
         row = (counts[method, verdict] for verdict in (SAME, DIFFERS, NOT_PLAYED))

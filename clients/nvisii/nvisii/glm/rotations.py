@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .elementwise import like, numbers
 from .geometry import cross, dot, normalize
 from .matrices import Matrix, mat3, mat4, rows_of
 from .quaternions import angleAxis, conjugate, of_rotation, quat, quat_of, rotation_of
@@ -136,6 +137,16 @@ def inverse(m: Any) -> Any:
         return type(matrix).of(np.linalg.inv(matrix.rows))
     except np.linalg.LinAlgError:
         raise RuntimeError("inverse: the matrix has none") from None
+
+
+def mix(x: Any, y: Any, a: Any) -> Any:
+    """x where a is 0, y where it is 1; of quats along the arc between them."""
+    if isinstance(x, quat):
+        return along_arc(x, y, float(a))
+    if isinstance(a, bool):
+        return y if a else x
+    start, end, share = map(numbers, (x, y, a))
+    return like(np.asarray(start * (1 - share) + end * share), (x, y, a))
 
 
 def _matrix(m: Any) -> Any:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from .._wire.status import status_error
-from ..client.client import Client
-from ..errors import HeliographError, InvalidArgument
+from heliograph._wire.status import status_error
+from heliograph.client.client import Client
+from heliograph.errors import HeliographError, InvalidArgument
+
 from ._calls import COMPARED, Calls, Differs, NotPlayed
 from ._questions import QUESTIONS, Questions
 from .reader import Call, Damaged, Part, Recording

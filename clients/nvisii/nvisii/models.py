@@ -12,9 +12,9 @@ import numpy as np
 from heliograph._wire._proto import service_pb2 as service
 from heliograph._wire.arrays import dtype_of
 
+from . import daemon
 from .checks import as_runtime_error
 from .mesh_data import Arrays, of_data, smooth_normals
-from .session import session
 
 
 class Model(NamedTuple):
@@ -40,7 +40,7 @@ def read_model(path: str) -> Model:
     """Has a file decoded; RuntimeError says why it cannot be."""
     if not os.path.isfile(path):
         raise RuntimeError(f"there is no file {path!r}")
-    client = session().client
+    client = daemon.client()
     with as_runtime_error(), client.create_scene() as scratch:
         with scratch.edit() as edit:
             asset = edit.import_file(path, name="root")

@@ -11,11 +11,12 @@ from typing import Any
 
 import heliograph as hg
 
+from . import daemon
 from .cameras import camera
 from .checks import as_runtime_error, whole
 from .component import Component, check
 from .entities import entity
-from .glm.vectors import ivec2, vec2
+from .glm.vectors import ivec2, vec2, vec3
 from .lights import light
 from .materials import material
 from .meshes import mesh
@@ -55,16 +56,12 @@ KINDS: tuple[type[Component], ...] = (
 )
 
 
-# Scripts show new meshes and textures in every picture; none asks for a revision of before.
-_PRIVATE = ("--limit", "revisions=1")
-
-
 class _Session:
     """Between initialize() and deinitialize()."""
 
-    def __init__(self, address: str | None) -> None:
-        self.client = hg.connect(address, arguments=() if address else _PRIVATE)
-        self.mirror = Mirror(self.client.create_scene())
+    def __init__(self, client: hg.Client) -> None:
+        self.client = client
+        self.mirror = Mirror(client.create_scene())
 
 
 _session: _Session | None = None
@@ -97,7 +94,8 @@ def initialize(
     if _session is not None:
         raise RuntimeError("nvisii is already initialized; call nvisii.deinitialize() before")
     with as_runtime_error():
-        _session = _Session(address or os.environ.get("HELIOGRAPH_ADDRESS") or None)
+        found = address or os.environ.get("HELIOGRAPH_ADDRESS") or None
+        _session = _Session(daemon.open_client(found))
     settings.dome_changed = True  # the new scene has none yet
 
 
@@ -129,9 +127,8 @@ def deinitialize() -> None:
     global _session
     clear_all()
     register_callback(None)
-    if _session is not None:
-        session, _session = _session, None
-        session.client.close()
+    _session = None
+    daemon.close_client()
 
 
 atexit.register(deinitialize)
@@ -140,7 +137,7 @@ atexit.register(deinitialize)
 def session() -> _Session:
     """What render() renders with."""
     if _session is None:
-        raise RuntimeError("nvisii is not initialized: call nvisii.initialize(headless=True) first")
+        raise RuntimeError(daemon.NOT_INITIALIZED)
     return _session
 
 
@@ -264,8 +261,6 @@ def update_scene_aabb(entity: entity) -> None:
 
 
 def _scene_box() -> tuple[Any, Any]:
-    from .glm.vectors import vec3
-
     shown = [e._aabb() for e in entity.get_renderable_entities() if e._mesh or e._volume]
     if not shown:
         return vec3(0, 0, 0), vec3(0, 0, 0)

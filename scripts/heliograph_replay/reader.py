@@ -11,10 +11,9 @@ from typing import Any
 
 from google.protobuf import message_factory
 from google.protobuf.message import DecodeError
-
-from .._wire._proto import recording_pb2 as pb
-from .._wire._proto import service_pb2 as service
-from ..errors import InvalidArgument
+from heliograph._wire._proto import recording_pb2 as pb
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.errors import InvalidArgument
 
 FORMAT, VERSION = "heliograph.recording", 2
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from .constants import CONSTANTS
-from .elementwise import ELEMENTWISE, mix
+from .elementwise import ELEMENTWISE
 from .geometry import (
     closestPointOnLine,
     cross,
@@ -43,6 +43,7 @@ from .rotations import (
     lerp,
     mat3_cast,
     mat4_cast,
+    mix,
     pitch,
     quat_cast,
     quatLookAt,

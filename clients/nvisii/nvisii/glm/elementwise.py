@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from .overloads import overloaded
-from .quaternions import quat
 from .vectors import BY_SIZE, Vector
 
 
@@ -27,10 +26,6 @@ def _mod(x: Any, y: Any) -> Any:
 
 def _clamp(x: Any, minVal: Any, maxVal: Any) -> Any:
     return np.minimum(np.maximum(x, minVal), maxVal)
-
-
-def _mix(x: Any, y: Any, a: Any) -> Any:
-    return x * (1 - a) + y * a
 
 
 def _step(edge: Any, x: Any) -> Any:
@@ -150,14 +145,3 @@ def _elementwise(name: str) -> Callable[..., Any]:
 
 
 ELEMENTWISE = {name: _elementwise(name) for name in _TABLE}
-
-
-def mix(x: Any, y: Any, a: Any) -> Any:
-    """x where a is 0, y where it is 1; of quats along the arc between them."""
-    if isinstance(x, quat):
-        from .rotations import along_arc
-
-        return along_arc(x, y, float(a))
-    if isinstance(a, bool):
-        return y if a else x
-    return like(np.asarray(_mix(*map(numbers, (x, y, a)))), (x, y, a))

@@ -12,9 +12,9 @@ from itertools import zip_longest
 from typing import Any
 
 import grpc
+from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire.status import status_error, to_error
 
-from .._wire._proto import service_pb2 as service
-from .._wire.status import status_error, to_error
 from ._answers import difference_of
 from ._calls import Calls, Differs, NotPlayed
 from .reader import Call, Recording

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from google.protobuf.message import Message
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.errors import HeliographError
 
-from .._wire._proto import service_pb2 as service
-from ..errors import HeliographError
 from ._calls import arrays_of, key_of, told
 
 _LONG = 4096  # bytes; of a longer field a recording holds the SHA-256
@@ -92,7 +92,7 @@ def _differences_of_lists(was: Any, found: Any, path: str) -> Iterator[str]:
     if len(was) != len(found):
         yield f"{path} has {len(found)} items; it had {len(was)}"
         return
-    for index, (old, new) in enumerate(zip(was, found)):
+    for index, (old, new) in enumerate(zip(was, found, strict=True)):
         if isinstance(old, Message):
             name = getattr(old, "name", "")
             yield from _differences(old, new, f"{path}[{name or index}].")

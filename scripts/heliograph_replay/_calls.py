@@ -10,16 +10,16 @@ from typing import Any
 import grpc
 from google.protobuf.json_format import ParseDict, ParseError
 from google.protobuf.message import Message
+from heliograph._wire._proto import recording_pb2 as pb
+from heliograph._wire._proto import render_pb2
+from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire._proto import types_pb2 as types
+from heliograph._wire.status import status_error, to_error
+from heliograph.client.client import Client, open_client
+from heliograph.errors import HeliographError
+from heliograph.render._assembly import Assembly
+from heliograph.render.frame import Rendered
 
-from .._wire._proto import recording_pb2 as pb
-from .._wire._proto import render_pb2
-from .._wire._proto import service_pb2 as service
-from .._wire._proto import types_pb2 as types
-from .._wire.status import status_error, to_error
-from ..client.client import Client, open_client
-from ..errors import HeliographError
-from ..render._assembly import Assembly
-from ..render.frame import Rendered
 from .reader import Call, Damaged, Part, Recording
 
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name

@@ -1,1 +1,0 @@
-"""Reads recordings of a daemon and plays them again."""

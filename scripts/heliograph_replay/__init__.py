@@ -1,0 +1,1 @@
+"""Reads recordings of a daemon and plays them again: scripts/replay. Imports heliograph."""
