@@ -127,7 +127,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
   const vec3 radiance =
       path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
-  const bool routed = path.edges == 1 && wants_rare(c.film, kLightPlaneSet);
+  const bool routed = path.edges == 1 && wants_rich(c.film, kLightPlaneSet);
   const Route route = routed ? route_of(at, light.direction, f) : path.route;
   const u32 group = light_group(c.scene, light);
   send(c, path, ray, inside, {radiance, path.edges + 1, light.light == kNone, group}, route,

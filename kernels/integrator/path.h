@@ -210,7 +210,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   path.throughput *= s.weight;
   if (kRich && s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
   const bool transmitted = s.lobe == Lobe::kTransmission;
-  if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
+  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
     path.route = {share_of(s.diffuse, s.weight),
                   transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
   }
@@ -247,8 +247,10 @@ KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path)
 /// Begins a sample with a ray of the camera: its path, and what does not need one.
 template <Tracer T>
 HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, const Ray& ray, SampleValues& sample) {
-  if (wants_rare(c.film, kLightPlaneSet)) {
+  if (wants_rich(c.film, planes_from<SampleRich>())) {
     for (vec3& light : sample.light) light = vec3(0);
+    sample.diffuse_color = vec3(0);
+    sample.open = 1;
   }
   const Path path = path_along(c, ray, sample);
   sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
@@ -302,8 +304,12 @@ HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& 
   sample.hit = true;
   hit_surface(c, path, hit, v, sample);
   if (kRich && v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
-  if (path.edges == 1 && wants_rare(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
+  if (path.edges == 1 && wants_rich(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
     sample.open = open_hemisphere(c, v, path, sample);
+  }
+  if (path.edges == 1 && wants_rich(c.film, plane_bit(Plane::DIFFUSE_COLOR))) {
+    const MaterialValues& m = v.material;
+    sample.diffuse_color = m.base_color * ((1 - m.metallic) * (1 - m.transmission));
   }
   const bool last = path.edges >= c.settings.max_depth;
   if (last && path.guided) return false;

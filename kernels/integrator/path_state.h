@@ -92,10 +92,10 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   const float most = light.edges > 2 ? c.settings.clamp_indirect : c.settings.clamp;
   if (largest > most) light.radiance *= most / largest;
   sample.radiance += light.radiance;
-  if (wants_rare(c.film, plane_bit(Plane::BEAUTY_GROUP))) {
+  if (wants_rich(c.film, plane_bit(Plane::BEAUTY_GROUP))) {
     add_to_group(c.film, light.group, c.pixel, light.radiance);
   }
-  if (wants_rare(c.film, kLightPlaneSet)) add_light(sample, light, route);
+  if (wants_rich(c.film, kLightPlaneSet)) add_light(sample, light, route);
 }
 
 /// The path goes on from a vertex: where to, by what density and kind of ray.

@@ -6,18 +6,16 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-inline constexpr u32 kLightPlanes = 12;
-static_assert(u32(Plane::ENVIRONMENT_LIGHT) - u32(Plane::DIRECT_DIFFUSE) == kLightPlanes - 1);
-inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1)
-                                           << u32(Plane::DIRECT_DIFFUSE);
+inline constexpr u32 kFirstLightPlane = u32(Plane::DIRECT_DIFFUSE);
+static_assert(u32(Plane::ENVIRONMENT_LIGHT) - kFirstLightPlane == kLightPlanes - 1);
+inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1) << kFirstLightPlane;
 inline constexpr PlaneSet kGuidePlaneSet =
-    PlaneSet(1) << u32(Plane::ALBEDO_MEAN) | PlaneSet(1) << u32(Plane::NORMAL_MEAN);
+    plane_bit(Plane::ALBEDO_MEAN) | plane_bit(Plane::NORMAL_MEAN);
 
 /// Those that plain programs do not make.
-inline constexpr PlaneSet kRarePlaneSet =
-    kLightPlaneSet | plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::BEAUTY_GROUP);
-/// Whether some of these, which are rare, are wanted.
-KERNEL bool wants_rare(const FilmView& film, PlaneSet planes) {
+inline constexpr PlaneSet kRichPlaneSet = planes_from<SampleRich>() | planes_from<GroupSums>();
+/// Whether some of these are wanted.
+KERNEL bool wants_rich(const FilmView& film, PlaneSet planes) {
   return kRich && (film.wanted & planes) != 0;
 }
 
@@ -30,19 +28,9 @@ struct Route {
   FirstVertex vertex;
 };
 
-struct SampleHead {
-  vec3 radiance{0};
-  float alpha = 0;
-  bool hit = false;  // the camera ray met something
-  float open = 1;    // of the hemisphere, for ambient occlusion
-  vec2 caught{0};    // light on a shadow catcher, with and without other entities
-  u32 rays = 0;
-  vec3 albedo{0};  // guides
-  vec3 normal{0};
-};
-struct SampleValues : SampleHead {
-  KERNEL SampleValues() {}   // without it nvcc 13 prints "Invalid bitcast"
-  vec3 light[kLightPlanes];  // in the order of the planes; set only when wanted
+/// SampleRich is set by begin_sample(), only when it is wanted.
+struct SampleValues : SamplePlain, SampleRich {
+  KERNEL SampleValues() {}  // without it nvcc 13 prints "Invalid bitcast"
 };
 
 /// Adds light to a sample that left the camera directly (`seen`) or by `route`.
@@ -54,7 +42,7 @@ struct Contribution {
 };
 HELIO_CALL KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& route) {
   const u32 direct = c.edges == 2 ? 0 : 1;
-  const u32 first = u32(Plane::DIRECT_DIFFUSE);
+  constexpr u32 first = kFirstLightPlane;
   if (c.edges == 1) {
     const Plane plane = c.environment ? Plane::ENVIRONMENT_LIGHT : Plane::EMISSION_LIGHT;
     sample.light[u32(plane) - first] += c.radiance;
@@ -71,10 +59,33 @@ HELIO_CALL KERNEL void add_light(SampleValues& sample, const Contribution& c, co
   }
 }
 
+template <int N, class Value>
+KERNEL void add_value(const FilmView& film, Plane plane, u64 pixel, const Value& value,
+                      bool whole) {
+  float channels[N];
+  if constexpr (N == 1) {
+    channels[0] = float(value);
+  } else {
+    for (int i = 0; i < N; ++i) channels[i] = value[i];
+  }
+  add_sample<N>(film, plane, pixel, channels, whole);
+}
+
+/// Adds one part of a sample to the planes that are read from it.
+template <class Part>
+KERNEL void add_part(const FilmView& film, u64 pixel, const Part& from, bool whole){
+#define HELIO_ADD(NAME, type, channels, fold, unit, part, value)                               \
+  if constexpr (std::is_same_v<Part, part>) {                                                  \
+    if (wants(film, Plane::NAME)) add_value<channels>(film, Plane::NAME, pixel, value, whole); \
+  }
+    HELIO_PLANES(HELIO_ADD)
+#undef HELIO_ADD
+}
+
 /// Writes a sample to the film. whole: it is the last one of its block.
 KERNEL void write_sample(const FilmView& film, u64 pixel, const SampleValues& s, bool whole) {
-  const float beauty[4] = {s.radiance.x, s.radiance.y, s.radiance.z, s.alpha};
-  if (wants(film, Plane::BEAUTY)) add_sample<4>(film, Plane::BEAUTY, pixel, beauty, whole);
+  add_part<SamplePlain>(film, pixel, s, whole);
+  if (wants_rich(film, planes_from<SampleRich>())) add_part<SampleRich>(film, pixel, s, whole);
   if (film.moment) {
     const float y = luminance(s.radiance);
     add_to_sum(film.moment[pixel], film.moment_partial[pixel], y * y, whole);
@@ -85,24 +96,6 @@ KERNEL void write_sample(const FilmView& film, u64 pixel, const SampleValues& s,
       const u64 at = pixel * 2 + i;
       add_to_sum(film.catcher[at], film.catcher_partial[at], s.caught[int(i)], whole);
     }
-  }
-  constexpr PlaneSet kScalars =
-      plane_bit(Plane::COVERAGE) | plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::COST);
-  if ((film.wanted & (kGuidePlaneSet | kLightPlaneSet | kScalars)) == 0) return;
-  const auto add = [&](Plane plane, float value) {
-    if (wants(film, plane)) add_sample<1>(film, plane, pixel, &value, whole);
-  };
-  const auto add3 = [&](Plane plane, vec3 value) {
-    if (wants(film, plane)) add_sample<3>(film, plane, pixel, &value.x, whole);
-  };
-  add(Plane::COVERAGE, s.hit ? 1 : 0);
-  add(Plane::AMBIENT_OCCLUSION, s.open);
-  add(Plane::COST, float(s.rays));
-  add3(Plane::ALBEDO_MEAN, s.albedo);
-  add3(Plane::NORMAL_MEAN, s.normal);
-  if ((film.wanted & kLightPlaneSet) == 0) return;
-  for (u32 i = 0; i < kLightPlanes; ++i) {
-    add3(Plane(u32(Plane::DIRECT_DIFFUSE) + i), s.light[i]);
   }
 }
 

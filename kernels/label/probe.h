@@ -22,22 +22,6 @@ KERNEL Probe empty_probe() {
   return p;
 }
 
-inline constexpr PlaneSet kNormalPlanes =
-    plane_bit(Plane::NORMAL) | plane_bit(Plane::NORMAL_CAMERA) | plane_bit(Plane::TANGENT);
-inline constexpr PlaneSet kMaterialPlanes =
-    plane_bit(Plane::BASE_COLOR) | plane_bit(Plane::ROUGHNESS) | plane_bit(Plane::METALLIC) |
-    plane_bit(Plane::TRANSMISSION) | plane_bit(Plane::EMISSION);
-inline constexpr PlaneSet kRestPlanes =
-    plane_bit(Plane::OBJECT_COORDINATES) | plane_bit(Plane::NOCS);
-inline constexpr PlaneSet kForwardPlanes =
-    plane_bit(Plane::FLOW_FORWARD) | plane_bit(Plane::FLOW_FORWARD_VALID) |
-    plane_bit(Plane::FLOW_FORWARD_VISIBLE) | plane_bit(Plane::SCENE_FLOW);
-inline constexpr PlaneSet kBackwardPlanes = plane_bit(Plane::FLOW_BACKWARD) |
-                                            plane_bit(Plane::FLOW_BACKWARD_VALID) |
-                                            plane_bit(Plane::FLOW_BACKWARD_VISIBLE);
-inline constexpr PlaneSet kDisparityPlanes =
-    plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
-
 /// Where it is, at t along the ray. The camera's frame does not go through the world's, which
 /// rounds more the farther its origin is.
 KERNEL void probe_point(Probe& p, const CameraView& camera, const Sight& sight, float t) {
@@ -92,19 +76,20 @@ KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit,
   p.hit = true;
   probe_geometry(p, s, *context.now.camera, sight, hit.t);
   probe_labels(p, s, hit);
-  if (wanted & kNormalPlanes) {
+  if (wanted & planes_from<ProbeShading>()) {
     s.ns = shading_normal(scene, s);
     probe_shading(p, s, *context.now.camera, ray);
   }
-  if (wanted & plane_bit(Plane::UV)) p.uv = uvs_at(s).set[0];
-  if (wanted & kMaterialPlanes) {
+  if (wanted & planes_from<ProbeUv>()) p.uv = uvs_at(s).set[0];
+  if (wanted & planes_from<ProbeMaterial>()) {
     p.material = material_at(scene, s, ~kAlphaBit);
     p.emission = emitted(scene, s, p.material, -ray.direction) + shown(s, p.material);
   }
-  if (wanted & plane_bit(Plane::OPACITY)) {
-    p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
+  if (wanted & planes_from<ProbeOpacity>()) {
+    p.opacity = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
   }
-  if (wanted & kRestPlanes) probe_rest(p, context.rest_boxes[hit.instance], rest_position(s));
+  if (wanted & planes_from<ProbeRest>())
+    probe_rest(p, context.rest_boxes[hit.instance], rest_position(s));
 }
 
 /// What the planes say of the point where a volume's transmittance is one half. It has no normal
@@ -118,7 +103,7 @@ KERNEL void probe_volume(Probe& p, const ProbeContext& context, const Collision&
   p.instance_label = instance.label;
   p.category = instance.category;
   p.part = instance.label != 0 ? instance.part : 0;
-  if (!(wanted & kRestPlanes)) return;
+  if (!(wanted & planes_from<ProbeRest>())) return;
   const mat4x3 object_from_world = pose_at(scene, instance, sight.ray.time).object_from_world;
   probe_rest(p, context.rest_boxes[scene.instance_count + at.volume],
              transform_point(object_from_world, p.p_world));
@@ -199,8 +184,8 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
     return probe_in_volume(context, tracers, at, sight, wanted, rays);
   }
-  const bool forward = context.forward.scene && (wanted & kForwardPlanes);
-  const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
+  const bool forward = context.forward.scene && (wanted & planes_from<ProbeForward>());
+  const bool backward = context.backward.scene && (wanted & planes_from<ProbeBackward>());
   Probe p = empty_probe();
   if (hit.instance == kNone) {
     if (forward) put_flow(p, background_flow(context, context.forward, ray, raster), true);
@@ -216,7 +201,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
     const CountedTracer<T> counted{*tracers[2], rays};
     put_flow(p, flow_to(context, context.backward, counted, hit, p.p_world), false);
   }
-  if (context.disparity && (wanted & kDisparityPlanes)) {
+  if (context.disparity && (wanted & planes_from<ProbeStereo>())) {
     Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
     s.p = p.p_world;
     probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
@@ -234,6 +219,18 @@ KERNEL void put_plane(void* plane, u64 pixel, const Value& value) {
   }
 }
 
+/// Writes the planes that are read from one part of a probe.
+template <class Part>
+KERNEL void put_part(const FilmView& film, u64 pixel, const Part& from) {
+#define HELIO_PUT(NAME, type, channels, fold, unit, part, value)              \
+  if constexpr (std::is_same_v<Part, part>) {                                 \
+    if (wants(film, Plane::NAME))                                             \
+      put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, value); \
+  }
+  HELIO_PLANES(HELIO_PUT)
+#undef HELIO_PUT
+}
+
 /// Writes the centre planes of a pixel; returns rays traced.
 ///
 /// sight_of   (context at the pixel's row, rays) -> Sight
@@ -248,20 +245,15 @@ KERNEL u32 probe_by(const ProbeContext& context, const T* const (&tracers)[3], c
   at_row.now.camera = &camera.camera();
   const Sight sight = sight_of(at_row, rays);
   const Probe p = make_probe<T>(at_row, tracers, film.wanted, raster, sight, rays);
-#define HELIO_PUT_kMean(...)
-#define HELIO_PUT_kFilm(...)
-#define HELIO_PUT_kPost(...)
-#define HELIO_PUT_kCentre(NAME, type, channels, expression) \
-  if (wants(film, Plane::NAME))                             \
-    put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, expression);
-#define HELIO_PUT(NAME, type, channels, fold, unit, expression) \
-  HELIO_PUT_##fold(NAME, type, channels, expression)
-  HELIO_PLANES(HELIO_PUT)
-#undef HELIO_PUT
-#undef HELIO_PUT_kCentre
-#undef HELIO_PUT_kPost
-#undef HELIO_PUT_kFilm
-#undef HELIO_PUT_kMean
+  put_part<ProbeHit>(film, pixel, p);
+  put_part<ProbeShading>(film, pixel, p);
+  put_part<ProbeUv>(film, pixel, p);
+  put_part<ProbeMaterial>(film, pixel, p);
+  put_part<ProbeOpacity>(film, pixel, p);
+  put_part<ProbeRest>(film, pixel, p);
+  put_part<ProbeForward>(film, pixel, p);
+  put_part<ProbeBackward>(film, pixel, p);
+  put_part<ProbeStereo>(film, pixel, p);
   return rays;
 }
 

@@ -118,7 +118,7 @@ class Lockstep {
     item.y = y;
     item.sample = sample;
     item.sampler = Sampler(item.key, sample, &item.numbers);
-    static_cast<SampleHead&>(item.values) = {};
+    static_cast<SamplePlain&>(item.values) = {};
   }
 
   /// Draws `pairs` pairs, from first(item) on, for the first `count` of listed_.

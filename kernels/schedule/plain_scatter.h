@@ -193,7 +193,7 @@ KERNEL void take_light(const PlainVertices& v, u32 i, bool plain_lights, const P
       v.light_seen.get(i) * radiance_of(c.scene, plain_lights, light) * v.light_weight.of[i],
       path.edges + 1, light.light == kNone, group_of(c.scene, plain_lights, light)};
   Route route = path.route;
-  if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
+  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
     route = {share_of(v.light_diffuse.get(i), v.light_total.get(i)), FirstVertex::kReflects};
   }
   Inside inside;
@@ -207,7 +207,7 @@ KERNEL bool go_on(const PlainVertices& v, u32 i, const PathContext<T>& c, Path& 
                   SampleValues& sample) {
   if (!path.guided) record_guides(path, v.own_weight.get(i), v.n.get(i), sample);
   if (!(v.survive >> i & 1)) return false;
-  if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
+  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
     path.route = {share_of(v.diffuse_weight.get(i), v.weight.get(i)), FirstVertex::kReflects};
   }
   path.throughput = v.throughput.get(i);

@@ -27,7 +27,7 @@ KERNEL bool is_plain(const ShotView& shot) {
   const SceneView& scene = shot.scene;
   const FilmView& film = shot.film;
   return !scene.any_rich && !scene.any_media && scene.volume_count == 0 && !film.catcher &&
-         (film.wanted & kRarePlaneSet) == 0;
+         (film.wanted & kRichPlaneSet) == 0;
 }
 
 /// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.
@@ -187,42 +187,36 @@ class Wave {
     keep_route(2 * item + 1, later.route);
   }
   KERNEL void keep_route(u32 i, const Route& route) const {
-    if (!has_light_planes()) return;
+    if (!is_rich()) return;
     store_whole(view_.routes[i], WaveRoute{route.diffuse_share, u32(route.vertex)});
   }
   [[nodiscard]] KERNEL Route route_of(u32 i) const {
-    if (!has_light_planes()) return {vec3(0), FirstVertex::kReflects};
+    if (!is_rich()) return {vec3(0), FirstVertex::kReflects};
     const WaveRoute kept = load_whole(view_.routes[i]);
     return {kept.diffuse_share, FirstVertex(kept.vertex)};
   }
   KERNEL void put_first(const SampleValues& s, u32 item) const {
-    store_whole(view_.firsts[item],
-                WaveFirst{s.albedo, s.alpha, s.normal, s.open, s.caught, s.hit});
+    store_whole(view_.firsts[item], WaveFirst{s.albedo, s.alpha, s.normal, s.hit, s.caught});
   }
   KERNEL void get_first(SampleValues& sample, u32 item) const {
     const WaveFirst first = load_whole(view_.firsts[item]);
     sample.albedo = first.albedo;
     sample.alpha = first.alpha;
     sample.normal = first.normal;
-    sample.open = first.open;
     sample.caught = first.caught;
     sample.hit = first.hit != 0;
   }
   KERNEL void put(const SampleValues& sample, u32 item) const {
     store_whole(view_.samples[item], WaveSample{sample.radiance, sample.rays});
-    if (!has_light_planes()) return;
-    for (u32 i = 0; i < kLightPlanes; ++i)
-      view_.light_planes[u64(item) * kLightPlanes + i] = sample.light[i];
+    if (is_rich()) store_whole<SampleRich>(view_.riches[item], sample);
   }
   KERNEL void get(SampleValues& sample, u32 item) const {
     const WaveSample kept = load_whole(view_.samples[item]);
     sample.radiance = kept.radiance;
     sample.rays = kept.rays;
-    if (!has_light_planes()) return;
-    for (u32 i = 0; i < kLightPlanes; ++i)
-      sample.light[i] = view_.light_planes[u64(item) * kLightPlanes + i];
+    if (is_rich()) static_cast<SampleRich&>(sample) = load_whole(view_.riches[item]);
   }
-  [[nodiscard]] KERNEL bool has_light_planes() const { return kRich && view_.light_planes; }
+  [[nodiscard]] KERNEL bool is_rich() const { return kRich && view_.riches; }
   KERNEL void fold_groups(u32 item, u64 pixel) const {
     const float* from = view_.film.partial[u32(Plane::BEAUTY_GROUP)] + u64(item) * 3;
     float* to = shot_.film.partial[u32(Plane::BEAUTY_GROUP)] + pixel * 3;

@@ -73,9 +73,8 @@ struct alignas(16) WaveFirst {
   vec3 albedo;
   float alpha;
   vec3 normal;
-  float open;
-  vec2 caught;
   u32 hit;
+  vec2 caught;
 };
 static_assert(sizeof(WaveRay) == 48 && sizeof(WavePath) == 64 && sizeof(WaveLight) == 64);
 static_assert(sizeof(WaveSample) == 16 && sizeof(WaveFirst) == 48);
@@ -110,8 +109,8 @@ struct WaveView {
   Reach* reaches;   // null where the scene has no media
   WaveSample* samples;
   WaveFirst* firsts;
-  vec3* light_planes;  // (kLightPlanes) of each; null unless wanted
-  WaveRoute* routes;   // (2) of each: its path's and its light's; null unless these are
+  SampleRich* riches;  // null unless wanted
+  WaveRoute* routes;   // (2) of each: its path's and its light's; null unless riches are
   FilmView film;       // items in the place of pixels: light groups add up there
 };
 

@@ -20,9 +20,10 @@ namespace {
 
 using kernels::Fold;
 
-bool has(const RenderJob& job, std::initializer_list<Plane> any) {
-  return std::ranges::any_of(
-      any, [&](Plane plane) { return std::ranges::count(job.planes, plane) > 0; });
+/// Whether a job asks for a plane that is read from this part, or for one computed from it.
+template <class Part>
+bool wants(const RenderJob& job) {
+  return (wanted_planes(job) & kernels::planes_from<Part>()) != 0;
 }
 
 Status check_camera(const RenderJob& job, EntityId id, const std::string& where) {
@@ -180,7 +181,7 @@ Status check_sensors(const RenderJob& job) {
          {std::tuple{Plane::SENSOR_RGB, camera.rgb_sensor.has_value(), "rgb_sensor"},
           {Plane::SENSOR_MOSAIC, mosaic, "rgb_sensor with a pattern"},
           {Plane::SENSOR_DEPTH, camera.depth_sensor.has_value(), "depth_sensor"}})
-      if (has(job, {plane}) && !has_it)
+      if (std::ranges::count(job.planes, plane) > 0 && !has_it)
         return fail(Code::kFailedPrecondition, "planes",
                     fmt::format("the camera '{}' has no {}; put one with camera=",
                                 job.snapshot->name_of(id), name));
@@ -189,7 +190,7 @@ Status check_sensors(const RenderJob& job) {
 }
 
 Status check_disparity(const RenderJob& job) {
-  if (!has(job, {Plane::DISPARITY, Plane::DISPARITY_VISIBLE})) return {};
+  if (!wants<kernels::ProbeStereo>(job)) return {};
   if (!job.disparity_camera)
     return fail(Code::kInvalidArgument, "planes.camera",
                 "disparity needs a second camera: set PlaneRequest.camera");
@@ -208,20 +209,16 @@ Status check_groups(const RenderJob& job) {
 }  // namespace
 
 bool measures_noise(const RenderJob& job) {
-  return job.stop.noise > 0 || job.stop.adaptive || has(job, {Plane::VARIANCE});
+  return job.stop.noise > 0 || job.stop.adaptive || wants<kernels::SquareSum>(job);
 }
 
 bool wants_samples(const RenderJob& job) {
-  return job.stop.noise > 0 || job.stop.adaptive ||
-         std::ranges::any_of(film_planes(job),
-                             [](Plane plane) { return plane_info(plane).fold != Fold::kCentre; });
+  return job.stop.noise > 0 || job.stop.adaptive || (wanted_planes(job) & kSampledPlanes) != 0;
 }
 
 bool wants_open_shutter(const RenderJob& job) {
-  return job.stop.noise > 0 || job.stop.adaptive ||
-         std::ranges::any_of(film_planes(job), [](Plane plane) {
-           return plane_info(plane).fold != Fold::kCentre && plane != Plane::BEAUTY_STILL;
-         });
+  const PlaneSet open = kSampledPlanes & ~kernels::planes_from<kernels::StillFilm>();
+  return job.stop.noise > 0 || job.stop.adaptive || (wanted_planes(job) & open) != 0;
 }
 
 bool wants_label_columns(const RenderJob& job) {
@@ -230,23 +227,16 @@ bool wants_label_columns(const RenderJob& job) {
 }
 
 bool wants_probe(const RenderJob& job) {
-  return wants_label_columns(job) || std::ranges::any_of(film_planes(job), [](Plane plane) {
-           return plane_info(plane).fold == Fold::kCentre;
-         });
+  return wants_label_columns(job) || (wanted_planes(job) & kernels::planes_of(Fold::kCentre)) != 0;
 }
 
 bool wants_still(const RenderJob& job) {
-  return wants_probe(job) || has(job, {Plane::BEAUTY_STILL});
+  return wants_probe(job) || wants<kernels::StillFilm>(job);
 }
 
-bool wants_forward(const RenderJob& job) {
-  return has(job, {Plane::FLOW_FORWARD, Plane::FLOW_FORWARD_VALID, Plane::FLOW_FORWARD_VISIBLE,
-                   Plane::SCENE_FLOW});
-}
+bool wants_forward(const RenderJob& job) { return wants<kernels::ProbeForward>(job); }
 
-bool wants_backward(const RenderJob& job) {
-  return has(job, {Plane::FLOW_BACKWARD, Plane::FLOW_BACKWARD_VALID, Plane::FLOW_BACKWARD_VISIBLE});
-}
+bool wants_backward(const RenderJob& job) { return wants<kernels::ProbeBackward>(job); }
 
 Time label_time(const RenderJob& job) { return job.label_time.value_or(job.time); }
 

@@ -3,49 +3,52 @@
 
 #include <algorithm>
 #include <array>
-#include <span>
 
 namespace heliograph {
 namespace {
 
 using kernels::Fold;
+using kernels::plane_bit;
 
-constexpr std::array kDenoiserInputs{Plane::BEAUTY, Plane::ALBEDO_MEAN, Plane::NORMAL_MEAN};
+constexpr std::array kInputsOf{
+#define HELIO_PLANE(NAME, type, channels, fold, unit, part, ...) kernels::kInputs<kernels::part>,
+    HELIO_PLANES(HELIO_PLANE)
+#undef HELIO_PLANE
+};
 
-constexpr std::array kRgbSensorInputs{Plane::BEAUTY};
-constexpr std::array kDepthSensorInputs{Plane::DEPTH,       Plane::DISTANCE,  Plane::NORMAL_CAMERA,
-                                        Plane::BASE_COLOR,  Plane::ROUGHNESS, Plane::METALLIC,
-                                        Plane::TRANSMISSION};
+bool has(PlaneSet planes, Plane plane) { return (planes & plane_bit(plane)) != 0; }
 
-/// Inputs of a post plane.
-std::span<const Plane> inputs_of(Plane plane) {
-  if (plane == Plane::DENOISED) return kDenoiserInputs;
-  if (plane == Plane::SENSOR_RGB || plane == Plane::SENSOR_MOSAIC) return kRgbSensorInputs;
-  if (plane == Plane::SENSOR_DEPTH) return kDepthSensorInputs;
-  return {};
-}
+/// The plane, and what it is computed from.
+PlaneSet with_inputs(Plane plane) { return plane_bit(plane) | kInputsOf[u32(plane)]; }
 
 }  // namespace
 
+bool is_averaged(Plane plane) { return (with_inputs(plane) & kSampledPlanes) != 0; }
+
+PlaneSet wanted_planes(const RenderJob& job) {
+  PlaneSet planes = 0;
+  for (const Plane plane : job.planes) planes |= with_inputs(plane);
+  return planes;
+}
+
 bool wants_post(const RenderJob& job) {
-  return std::ranges::any_of(job.planes,
-                             [](Plane plane) { return plane_info(plane).fold == Fold::kPost; });
+  return (wanted_planes(job) & kernels::planes_of(Fold::kPost)) != 0;
 }
 
 std::vector<Plane> film_planes(const RenderJob& job) {
   std::vector<Plane> planes;
   for (const Plane plane : job.planes)
     if (plane_info(plane).fold != Fold::kPost) planes.push_back(plane);
-  for (const Plane plane : job.planes)
-    for (const Plane input : inputs_of(plane))
-      if (std::ranges::count(planes, input) == 0) planes.push_back(input);
+  const PlaneSet wanted = wanted_planes(job) & ~kernels::planes_of(Fold::kPost);
+  for (u32 i = 0; i < kernels::kPlanes; ++i)
+    if (has(wanted, Plane(i)) && std::ranges::count(planes, Plane(i)) == 0)
+      planes.push_back(Plane(i));
   return planes;
 }
 
 bool is_read_beside(const RenderJob& job, Plane film_plane) {
-  if (std::ranges::count(job.planes, film_plane) > 0) return true;
   return std::ranges::any_of(job.planes, [&](Plane plane) {
-    return plane != Plane::DENOISED && std::ranges::count(inputs_of(plane), film_plane) > 0;
+    return plane == film_plane || (plane != Plane::DENOISED && has(with_inputs(plane), film_plane));
   });
 }
 

@@ -6,6 +6,17 @@
 
 namespace heliograph {
 
+using kernels::PlaneSet;
+
+/// The planes that samples make.
+inline constexpr PlaneSet kSampledPlanes =
+    kernels::planes_of(kernels::Fold::kMean) | kernels::planes_of(kernels::Fold::kFilm);
+
+/// Whether a plane is made of samples, or computed from one that is.
+[[nodiscard]] bool is_averaged(Plane plane);
+/// The planes that a job asks for, and those that its post planes are computed from.
+[[nodiscard]] PlaneSet wanted_planes(const RenderJob& job);
+
 /// Whether a job asks for a post plane.
 [[nodiscard]] bool wants_post(const RenderJob& job);
 /// The planes that a backend makes for a job: those it asks for that are no post planes, in its

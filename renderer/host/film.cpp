@@ -21,9 +21,9 @@ bool wants_label_pixels(const LabelOptions& labels) {
   return labels.boxes || labels.amodal || labels.amodal_masks;
 }
 
-kernels::PlaneSet wanted_planes(const RenderJob& job) {
-  kernels::PlaneSet wanted = 0;
-  for (const Plane plane : film_planes(job)) wanted |= plane_bit(plane);
+/// All that the film holds.
+PlaneSet held_planes(const RenderJob& job) {
+  PlaneSet wanted = wanted_planes(job) & ~kernels::planes_of(Fold::kPost);
   if (wants_label_pixels(job.labels)) wanted |= plane_bit(Plane::INSTANCE);
   if (job.labels.amodal || job.labels.amodal_masks) wanted |= plane_bit(Plane::DISTANCE);
   if (measures_noise(job)) wanted |= plane_bit(Plane::BEAUTY) | plane_bit(Plane::COVERAGE);
@@ -148,7 +148,7 @@ Status HostFilm::allocate() {
   constexpr u64 kAligned = 256;  // so that devices read and write whole lines
   view_.width = image_camera_.width;
   view_.height = image_camera_.height;
-  view_.wanted = wanted_planes(job());
+  view_.wanted = held_planes(job());
   set_groups();
   for_each_array([&](auto*, u64 images, u64 image_bytes, Fold fold) {
     (fold == Fold::kCentre ? centre_bytes_ : sum_bytes_) +=
@@ -175,7 +175,7 @@ Status HostFilm::allocate() {
 }
 
 Status HostFilm::find_rest_boxes() {
-  if (!(view_.wanted & kernels::kRestPlanes)) return {};
+  if (!(view_.wanted & kernels::planes_from<kernels::ProbeRest>())) return {};
   const auto boxes = still_.scene->rest_boxes({});
   if (!boxes) return std::unexpected(boxes.error());
   rest_boxes_ = *boxes;
@@ -245,9 +245,7 @@ PixelRect HostFilm::tile(u32 index) const { return kernels::tile_rect(view_, ind
 
 std::vector<RenderTask> HostFilm::render_tasks() const {
   std::vector<RenderTask> tasks;
-  constexpr kernels::PlaneSet kSampled =
-      kernels::planes_of(Fold::kMean) | kernels::planes_of(Fold::kFilm);
-  if (view_.wanted & kSampled & ~plane_bit(Plane::BEAUTY_STILL))
+  if (view_.wanted & kSampledPlanes & ~kernels::planes_from<kernels::StillFilm>())
     tasks.push_back({open_.scene.get(), &open_.camera, &job().settings, &view_});
   if (still_view_.wanted)
     tasks.push_back({still_.scene.get(), &still_.camera, &job().settings, &still_view_});

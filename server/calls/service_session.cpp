@@ -10,6 +10,7 @@
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
 #include "server/config/version.h"
+#include "server/convert/frame.h"
 #include "server/convert/page.h"
 
 namespace heliograph::server {
@@ -67,6 +68,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   describe_sharing(daemon, reply);
   if (daemon.config.is_exposed()) reply.add_refused(kExposed);
   describe_decoder(daemon, reply);
+  for (u32 i = 0; i < kernels::kPlanes; ++i) *reply.add_planes() = plane_kind(Plane(i));
 }
 
 /// The sessions of a tenant, the oldest first. Their numbers are secrets.

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "renderer/base/half.h"
+#include "renderer/frame/film_planes.h"
 #include "server/convert/nouns.h"
 #include "server/convert/render.h"
 
@@ -92,6 +93,18 @@ void add_views(const Frame& frame, v1::FrameHeader& message) {
 }
 
 }  // namespace
+
+v1::PlaneKind plane_kind(Plane plane) {
+  const PlaneInfo& info = plane_info(plane);
+  v1::PlaneKind message;
+  message.set_plane(to_proto(plane));
+  message.set_dtype(to_proto(info.dtype));
+  message.set_channels(info.channels);
+  message.set_unit(info.unit);
+  message.set_fold(to_proto(info.fold));
+  message.set_averaged(is_averaged(plane));
+  return message;
+}
 
 v1::DType to_proto(DType type) {
   static constexpr std::array kTypes{v1::D_TYPE_U8,  v1::D_TYPE_U16, v1::D_TYPE_U32,

@@ -35,6 +35,7 @@ struct FrameContext {
                                    const std::string& request_json);
 
 [[nodiscard]] v1::DType to_proto(DType type);
+[[nodiscard]] v1::PlaneKind plane_kind(Plane plane);
 [[nodiscard]] v1::LabelColumn to_proto(const Column& column);
 [[nodiscard]] v1::Progress to_proto(const Progress& progress);
 

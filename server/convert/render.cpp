@@ -32,7 +32,7 @@ constexpr std::array kFilters{PixelFilter::kBlackmanHarris, PixelFilter::kBox, P
 static_assert(kFilters.size() == v1::PixelFilter_ARRAYSIZE);
 
 bool is_disparity(Plane plane) {
-  return plane == Plane::DISPARITY || plane == Plane::DISPARITY_VISIBLE;
+  return (kernels::planes_from<kernels::ProbeStereo>() & kernels::plane_bit(plane)) != 0;
 }
 
 Status read_cameras(const v1::RenderRequest& request, const RenderLimits& limits, RenderJob& job) {

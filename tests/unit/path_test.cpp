@@ -299,6 +299,8 @@ TEST_CASE("path: alpha, coverage, cost, openness and guides") {
     // To the plane, its openness, the dome, onwards.
     CHECK(mean(Plane::COST, 0) == 4);
     CHECK(mean(Plane::ALBEDO_MEAN, 2) == Approx(0.6f));
+    CHECK(mean(Plane::DIFFUSE_COLOR, 2) == Approx(0.6f));
+    CHECK(mean(Plane::DIFFUSE_COLOR, 3) == 0);
     CHECK(mean(Plane::NORMAL_MEAN, 2) == Approx(1));
     CHECK(mean(Plane::ALBEDO_MEAN, 5) == 0);
     CHECK(mean(Plane::DIRECT_DIFFUSE, 1) == Approx(0.8f).epsilon(0.01));

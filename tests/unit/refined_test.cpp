@@ -53,7 +53,7 @@ struct Worst {
 };
 
 Worst worst_of(const SceneView& scene, const CameraView& camera) {
-  const TestFilm film(kSize, planes_of(Fold::kCentre) & ~kRestPlanes);
+  const TestFilm film(kSize, planes_of(Fold::kCentre) & ~planes_from<ProbeRest>());
   const TestTracer tracer(scene);
   Worst worst;
   for (u32 y = 0; y < kSize.y; ++y)
@@ -140,7 +140,7 @@ TEST_CASE("refined: behind glass the distance counts from the camera") {
   const CameraView camera = look_at(tilt() * vec3(0, -2, 2), vec3(0), kSize, 0.8f);
   Settings settings = kSettings;
   settings.through_transmission = true;
-  const TestFilm film(kSize, planes_of(Fold::kCentre) & ~kRestPlanes);
+  const TestFilm film(kSize, planes_of(Fold::kCentre) & ~planes_from<ProbeRest>());
   const TestTracer tracer(view);
   u32 seen = 0;
   for (u32 y = 0; y < kSize.y; ++y)

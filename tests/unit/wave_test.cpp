@@ -25,7 +25,7 @@ class HostWave {
     insides_.resize(items_);
     reaches_.resize(items_);
     samples_.resize(items_);
-    light_planes_.resize(size_t(items_) * kLightPlanes);
+    riches_.resize(items_);
     groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
     firsts_.resize(items_);
     routes_.resize(2 * size_t(items_));
@@ -40,8 +40,8 @@ class HostWave {
       view_.insides = insides_.data();
       view_.reaches = reaches_.data();
     }
-    if (shot.film.wanted & kLightPlaneSet) {
-      view_.light_planes = light_planes_.data();
+    if (shot.film.wanted & planes_from<SampleRich>()) {
+      view_.riches = riches_.data();
       view_.routes = routes_.data();
     }
     view_.film.width = items_;
@@ -100,7 +100,7 @@ class HostWave {
   std::vector<WaveSample> samples_;
   std::vector<WaveFirst> firsts_;
   std::vector<WaveRoute> routes_;
-  std::vector<vec3> light_planes_;
+  std::vector<SampleRich> riches_;
   std::vector<float> groups_;
 };
 

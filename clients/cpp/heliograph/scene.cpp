@@ -83,7 +83,8 @@ Frame Scene::render(const Ref& camera, const RenderOptions& options) const {
 
 std::vector<Frame> Scene::render(const std::vector<Ref>& cameras,
                                  const RenderOptions& options) const {
-  const v1::RenderRequest request = wire::to_request(core_->id, cameras, options);
+  const v1::RenderRequest request =
+      wire::to_request(core_->session->server(), core_->id, cameras, options);
   return wire::render(core_->session, request, options.fields());
 }
 

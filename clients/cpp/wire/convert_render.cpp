@@ -1,7 +1,6 @@
 // RenderOptions to a RenderRequest.
 #include <algorithm>
 #include <cctype>
-#include <set>
 
 #include "heliograph/error.h"
 #include "wire/convert.h"
@@ -11,35 +10,20 @@ namespace {
 
 constexpr std::uint32_t kDefaultSpp = 64;
 
-/// Whether a plane is a mean over samples and needs a stop rule.
-bool is_averaged(const v1::PlaneRequest& request) {
-  static const std::set<int> means = {v1::PLANE_BEAUTY,
-                                      v1::PLANE_DENOISED,
-                                      v1::PLANE_ALBEDO_MEAN,
-                                      v1::PLANE_NORMAL_MEAN,
-                                      v1::PLANE_COVERAGE,
-                                      v1::PLANE_AMBIENT_OCCLUSION,
-                                      v1::PLANE_COST,
-                                      v1::PLANE_EMISSION_LIGHT,
-                                      v1::PLANE_ENVIRONMENT_LIGHT,
-                                      v1::PLANE_SENSOR_RGB,
-                                      v1::PLANE_SENSOR_MOSAIC,
-                                      v1::PLANE_VARIANCE,
-                                      v1::PLANE_SAMPLES,
-                                      v1::PLANE_SHADOW_CATCHER,
-                                      v1::PLANE_BEAUTY_STILL,
-                                      v1::PLANE_BEAUTY_GROUP,
-                                      v1::PLANE_DIRECT_DIFFUSE,
-                                      v1::PLANE_INDIRECT_DIFFUSE,
-                                      v1::PLANE_DIRECT_GLOSSY,
-                                      v1::PLANE_INDIRECT_GLOSSY,
-                                      v1::PLANE_DIRECT_TRANSMISSION,
-                                      v1::PLANE_DIRECT_VOLUME,
-                                      v1::PLANE_INDIRECT_VOLUME,
-                                      v1::PLANE_INDIRECT_TRANSMISSION,
-                                      v1::PLANE_DIRECT_SUBSURFACE,
-                                      v1::PLANE_INDIRECT_SUBSURFACE};
-  return means.count(request.plane()) != 0;
+/// What the daemon says of a plane; null where it says nothing.
+const v1::PlaneKind* kind_of(const v1::GetServerInfoReply& server, v1::Plane plane) {
+  for (const v1::PlaneKind& kind : server.planes())
+    if (kind.plane() == plane) return &kind;
+  return nullptr;
+}
+/// Whether one of the planes is, or may be, averaged over samples; or is not, or may not be.
+bool may_any(const v1::GetServerInfoReply& server, const v1::RenderRequest& request,
+             bool averaged) {
+  const auto& planes = request.planes();
+  return std::any_of(planes.begin(), planes.end(), [&](const v1::PlaneRequest& plane) {
+    const v1::PlaneKind* kind = kind_of(server, plane.plane());
+    return !kind || kind->averaged() == averaged;
+  });
 }
 
 /// "depth", "disparity:right" or "beauty:GROUP".
@@ -62,11 +46,10 @@ void put_plane(const std::string& plane, v1::PlaneRequest* out) {
     out->mutable_camera()->set_name(plane.substr(colon + 1));
 }
 
-void put_labels(const RenderOptions::Fields& given, v1::RenderRequest* out) {
+void put_labels(const v1::GetServerInfoReply& server, const RenderOptions::Fields& given,
+                v1::RenderRequest* out) {
   if (!given.labels) {  // boxes where a plane looks at first surfaces anyway
-    const auto& planes = out->planes();
-    if (given.vertex == 0 && !std::all_of(planes.begin(), planes.end(), is_averaged))
-      out->mutable_labels()->set_boxes(true);
+    if (given.vertex == 0 && may_any(server, *out, false)) out->mutable_labels()->set_boxes(true);
     return;
   }
   const Labels& labels = *given.labels;
@@ -80,14 +63,13 @@ void put_labels(const RenderOptions::Fields& given, v1::RenderRequest* out) {
   to->set_max_rows(labels.max_rows);
 }
 
-void put_stop_rule(const RenderOptions::Fields& given, v1::RenderRequest* out) {
+void put_stop_rule(const v1::GetServerInfoReply& server, const RenderOptions::Fields& given,
+                   v1::RenderRequest* out) {
   if (given.spp) out->set_spp(*given.spp);
   if (given.seconds) out->set_seconds(*given.seconds);
   if (given.noise) out->set_noise(*given.noise);
   out->set_adaptive(given.adaptive);
-  const auto& planes = out->planes();
-  if (!given.spp && !given.seconds && !given.noise &&
-      std::any_of(planes.begin(), planes.end(), is_averaged))
+  if (!given.spp && !given.seconds && !given.noise && may_any(server, *out, true))
     out->set_spp(kDefaultSpp);
 }
 
@@ -115,8 +97,8 @@ void put_half(const RenderOptions::Fields& given, v1::RenderRequest* out) {
 
 }  // namespace
 
-v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& cameras,
-                             const RenderOptions& options) {
+v1::RenderRequest to_request(const v1::GetServerInfoReply& server, std::uint64_t scene,
+                             const std::vector<Ref>& cameras, const RenderOptions& options) {
   const RenderOptions::Fields& given = options.fields();
   v1::RenderRequest out;
   out.set_scene(scene);
@@ -124,9 +106,9 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   for (const Ref& camera : cameras) put_ref(camera, nullptr, "cameras", out.add_cameras());
   for (const std::string& plane : given.planes) put_plane(plane, out.add_planes());
   put_half(given, &out);
-  put_stop_rule(given, &out);
+  put_stop_rule(server, given, &out);
   put_view(given, &out);
-  put_labels(given, &out);
+  put_labels(server, given, &out);
   if (given.max_depth) out.set_max_depth(*given.max_depth);
   if (given.roulette) out.set_roulette(*given.roulette);
   if (given.roulette_depth) out.set_roulette_depth(*given.roulette_depth);

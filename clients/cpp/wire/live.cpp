@@ -67,7 +67,8 @@ void BatchCall::send_next(std::uint32_t credits) {
     v1::RenderBatchRequest request;
     try {
       check_job(job->options.fields());
-      *request.mutable_job() = to_request(scene_->id, job->cameras, job->options);
+      *request.mutable_job() =
+          to_request(scene_->session->server(), scene_->id, job->cameras, job->options);
     } catch (const ClientError& error) {
       done_.push({job->tag, {}, error});
       continue;
@@ -144,7 +145,7 @@ LiveCall::LiveCall(std::shared_ptr<SceneCore> scene, std::vector<Ref> cameras,
 
 v1::RenderRequest LiveCall::settings() const {
   check_live(options_.fields());
-  v1::RenderRequest out = to_request(scene_->id, cameras_, options_);
+  v1::RenderRequest out = to_request(scene_->session->server(), scene_->id, cameras_, options_);
   out.set_progressive(policy_ == Policy::kLatest);
   return out;
 }

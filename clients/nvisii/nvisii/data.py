@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heliograph.render.call import is_averaged
-
 from .checks import checked
 from .entities import entity
 from .motion import motion_vectors
@@ -45,6 +43,7 @@ class Option(NamedTuple):
     planes: tuple[str, ...]
     values: Callable[[Shot], Any]
     averaged: bool = True  # over the paths of a later vertex; otherwise the first that gets there
+    of_samples: bool = False  # of whole paths, so the same at each vertex
 
 
 @checked
@@ -91,7 +90,7 @@ def _data(size: tuple[int, int], name: str, samples: int, which: tuple[int, int]
     if bounce < 0:
         raise RuntimeError(f"bounce: {bounce}: is below 0, the first surface")
     option = OPTIONS[name]
-    if bounce > 0 and not all(is_averaged(plane) for plane in option.planes):
+    if bounce > 0 and not option.of_samples:
         values = _of_paths(size, option, samples, (bounce, seed))
     else:
         frame = _frame(size, option.planes, spp=samples, seed=seed)
@@ -141,6 +140,10 @@ def _of_paths(size: tuple[int, int], option: Option, paths: int, which: tuple[in
 
 def _plane(name: str) -> Option:
     return Option((name,), lambda shot: shot.frame[name])
+
+
+def _mean(name: str) -> Option:
+    return _plane(name)._replace(of_samples=True)
 
 
 def _or(name: str, background: float) -> Option:
@@ -231,7 +234,7 @@ def _device_id(shot: Shot) -> Any:
 _COLORS = ("base_color", "metallic", "transmission", "instance")
 
 OPTIONS: dict[str, Option] = {
-    "none": _plane("beauty"),
+    "none": _mean("beauty"),
     "depth": _or("distance", -_FARTHEST),
     "position": _or("position", -_FARTHEST),
     "normal": _plane("normal"),
@@ -246,12 +249,14 @@ OPTIONS: dict[str, Option] = {
     "glossy_color": Option((*_COLORS, "normal", "distance"), _glossy_color),
     "transmission_color": Option(_COLORS, _transmission_color),
     **{
-        f"{part}_{path}_lighting": _plane(f"{path}_{part}")
+        f"{part}_{path}_lighting": _mean(f"{path}_{part}")
         for part in _LIGHT_PARTS
         for path in ("direct", "indirect")
     },
-    "heatmap": Option(("cost",), lambda shot: np.clip(shot.frame["cost"] / 100, 0, 1)),
+    "heatmap": Option(
+        ("cost",), lambda shot: np.clip(shot.frame["cost"] / 100, 0, 1), of_samples=True
+    ),
     "device_id": Option(("distance",), _device_id),
-    "denoise_albedo": _plane("albedo_mean"),
-    "denoise_normal": _plane("normal_mean"),
+    "denoise_albedo": _mean("albedo_mean"),
+    "denoise_normal": _mean("normal_mean"),
 }

@@ -21,8 +21,8 @@ constexpr u64 kLeastMemory = 1 << 20;
 constexpr u32 kMostRoundsAtOnce = 8;
 constexpr u32 kMostItemsAtOnce = 1 << 24;  // times rounds
 
-bool has_light_planes(const kernels::FilmView& film) {
-  return (film.wanted & kernels::kLightPlaneSet) != 0;
+bool has_rich_samples(const kernels::FilmView& film) {
+  return (film.wanted & kernels::planes_from<kernels::SampleRich>()) != 0;
 }
 
 }  // namespace
@@ -138,8 +138,8 @@ void Wave::lay(Layout& layout, u64 items) {
   if (any_media_) wave.reaches = layout.take<kernels::Reach>(items);
   wave.samples = layout.take<kernels::WaveSample>(items);
   wave.firsts = layout.take<kernels::WaveFirst>(items);
-  if (has_light_planes(wave.film)) {
-    wave.light_planes = layout.take<vec3>(items * kernels::kLightPlanes);
+  if (has_rich_samples(wave.film)) {
+    wave.riches = layout.take<kernels::SampleRich>(items);
     wave.routes = layout.take<kernels::WaveRoute>(2 * items);
   }
   if (kernels::wants(wave.film, Plane::BEAUTY_GROUP))

@@ -147,6 +147,7 @@ class Link:
             reply = self._ask_again(request, rest)
         self.session = int(reply.session)
         self.server: service.GetServerInfoReply = reply.server
+        self.averaged = {kind.plane: kind.averaged for kind in self.server.planes}
         _check_api(self.server)
         self._session = (("heliograph-session", str(self.session)),)
 

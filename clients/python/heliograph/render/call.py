@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 import numpy as np
@@ -30,11 +30,6 @@ _Answer = TypeVar("_Answer")
 _DEFAULT_SPP = 64
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _PLANES: dict[str, Any] = dict(render_pb.Plane.items())
-_AVERAGED = {
-    *("beauty", "denoised", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
-    *("emission_light", "environment_light", "sensor_rgb", "sensor_mosaic"),
-    *("variance", "samples", "shadow_catcher"),
-}
 
 
 class Options(TypedDict, total=False):
@@ -178,10 +173,11 @@ def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
     return out
 
 
-def is_averaged(name: str) -> bool:
-    """Whether a plane is a mean over samples and needs a stop rule."""
-    base = name.partition(":")[0]
-    return base in _AVERAGED or base.startswith(("direct_", "indirect_", "beauty"))
+def may_any(scene: Scene, planes: Iterable[render_pb.PlaneRequest], averaged: bool) -> bool:
+    """Whether one of the planes is averaged over samples, or is not; where the daemon does not say,
+    both may be."""
+    said = scene.client.connection.link.averaged
+    return any(said.get(plane.plane, averaged) == averaged for plane in planes)
 
 
 def make_request(
@@ -200,7 +196,7 @@ def make_request(
         planes = [planes]
     out.planes.extend(_plane(plane) for plane in planes)
     _put_half(out, list(planes), options.get("half", ()))
-    _put_stop_rule(out, options, planes)
+    _put_stop_rule(scene, out, options)
     if "size" in options:
         out.width, out.height = _size(options["size"])
     for name in ("time", "label_time", "frame_interval", "clamp", "clamp_indirect"):
@@ -232,7 +228,7 @@ def make_request(
     overlay = options.get("overlay")
     if overlay is not None:
         out.overlay.CopyFrom(overlay.transaction)
-    _put_labels(out, options.get("labels"))
+    _put_labels(scene, out, options.get("labels"))
     return out
 
 
@@ -280,17 +276,14 @@ def _put_half(out: render_pb.RenderRequest, planes: list[Any], half: Any) -> Non
         out.planes[planes.index(plane)].half = True
 
 
-def _put_stop_rule(
-    out: render_pb.RenderRequest, options: Options, planes: Sequence[str | tuple[str, Named]]
-) -> None:
+def _put_stop_rule(scene: Scene, out: render_pb.RenderRequest, options: Options) -> None:
     if options.get("spp") is not None:
         out.spp = whole_of(options["spp"], "spp", 1)
     for name in ("seconds", "noise"):
         if options.get(name) is not None:
             setattr(out, name, number_of(options[name], name))
-    names = [plane if isinstance(plane, str) else plane[0] for plane in planes]
     rules = (out.HasField(name) for name in ("spp", "seconds", "noise"))
-    if not any(rules) and any(is_averaged(name) for name in names):
+    if not any(rules) and may_any(scene, out.planes, averaged=True):
         out.spp = _DEFAULT_SPP
 
 
@@ -309,11 +302,10 @@ def _put_memory(out: render_pb.RenderRequest, device: str) -> None:
         raise InvalidArgument(f'device: "cuda" or "cpu", not {device!r}', field="device")
 
 
-def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
+def _put_labels(scene: Scene, out: render_pb.RenderRequest, labels: Any) -> None:
     """None: boxes where a plane looks at first surfaces anyway. True: everything but masks."""
     if labels is None:
-        names = [render_pb.Plane.Name(p.plane)[len("PLANE_") :].lower() for p in out.planes]
-        if out.vertex == 0 and not all(is_averaged(name) for name in names):
+        if out.vertex == 0 and may_any(scene, out.planes, averaged=False):
             out.labels.boxes = True
         return
     if labels is False:
