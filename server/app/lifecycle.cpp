@@ -52,7 +52,7 @@ class Life {
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
-  void on_word(u64 session, const BufferWord& word, ForeignFd fd);
+  void on_buffer_message(u64 session, const BufferMessage& word, ForeignFd fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
   [[nodiscard]] Status start_grpc();
   [[nodiscard]] Status listen(ListeningSocket socket, GrpcServer& server);
@@ -132,7 +132,7 @@ std::vector<GrpcServer*> Life::servers() const {
   return tcp_ ? std::vector{local_.get(), tcp_.get()} : std::vector{local_.get()};
 }
 
-void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
+void Life::on_buffer_message(u64 id, const BufferMessage& word, ForeignFd fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
   if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
@@ -142,17 +142,17 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
     return;
   }
   if (word.buffer == 0) {
-    Lifelines* lines = daemon_.lifelines.get();
-    session->share_frames([lines, id](u64 buffer, const SharedMemory* memory) {
-      return lines->tell(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
+    LocalChannel* channel = daemon_.local_channel.get();
+    session->share_frames([channel, id](u64 buffer, const SharedMemory* memory) {
+      return channel->send(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
     });
-    (void)lines->tell(id, {}, nullptr);
+    (void)channel->send(id, {}, nullptr);
     return;
   }
   const auto frames = session->shared_frames();
   if (!frames) return;
   if (word.number == 0) return frames->give_up(word.buffer);
-  if (word.number != BufferWord::kUnmapped) return frames->give_back(word.buffer, word.number);
+  if (word.number != BufferMessage::kUnmapped) return frames->give_back(word.buffer, word.number);
   // To give an arena's pages back takes milliseconds.
   if (auto freed = frames->unmapped(word.buffer))
     (void)daemon_.pool.post(session->tenant()->id, [freed = std::move(freed)] {});
@@ -161,14 +161,15 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
   const u32 limit = u32(limits.connections);
-  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline),
-                                    {.total = limit, .per_peer = u32(limits.connections_per_peer)},
-                                    {[this](u64 session) { daemon_.sessions.detach(session); },
-                                     [this](u64 session, const BufferWord& word, ForeignFd fd) {
-                                       on_word(session, word, std::move(fd));
-                                     }});
-  if (!lifelines) return std::unexpected(lifelines.error());
-  daemon_.lifelines = std::move(*lifelines);
+  auto local_channel =
+      LocalChannel::start(*daemon_.loop, daemon_.log, std::move(sockets.local_channel),
+                          {.total = limit, .per_peer = u32(limits.connections_per_peer)},
+                          {[this](u64 session) { daemon_.sessions.detach(session); },
+                           [this](u64 session, const BufferMessage& word, ForeignFd fd) {
+                             on_buffer_message(session, word, std::move(fd));
+                           }});
+  if (!local_channel) return std::unexpected(local_channel.error());
+  daemon_.local_channel = std::move(*local_channel);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
   for (ListeningSocket& socket : sockets.tcp) HELIO_TRY(listen(std::move(socket), *tcp_));
@@ -315,7 +316,7 @@ void Life::end() {
   daemon_.gate.close();
   listeners_.clear();
   metrics_.reset();
-  daemon_.lifelines->stop_listening();
+  daemon_.local_channel->stop_listening();
   daemon_.sessions.close_all();
   quick_calls_.stop();
   for (GrpcServer* server : servers()) server->shutdown(kLastCalls);

@@ -14,11 +14,12 @@ Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
   auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
   if (!main) return std::unexpected(main.error());
   files.add(config.socket);
-  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
-  if (!lifeline) return std::unexpected(lifeline.error());
-  files.add(lifeline_path(config.socket));
+  auto local_channel =
+      listen_unix(local_channel_path(config.socket), SOCK_SEQPACKET, config.socket_group);
+  if (!local_channel) return std::unexpected(local_channel.error());
+  files.add(local_channel_path(config.socket));
   sockets.main = std::move(*main);
-  sockets.lifeline = std::move(*lifeline);
+  sockets.local_channel = std::move(*local_channel);
   for (const std::string& address : config.listen) {
     auto socket = listen_tcp(address);
     if (!socket) return std::unexpected(socket.error());
@@ -42,7 +43,7 @@ void announce(const Config& config, const Sockets& sockets) {
   const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
   const std::string line = fmt::format(
       "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
-      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
+      config.socket, local_channel_path(config.socket), tcp, metrics, ::getpid());
   if (config.ready_fd < 0) return;
   const UniqueFd fd(config.ready_fd);
   [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());

@@ -14,7 +14,7 @@ namespace heliograph::server {
 /// Listening sockets, taken before anything slow starts.
 struct Sockets {
   ListeningSocket main;
-  ListeningSocket lifeline;
+  ListeningSocket local_channel;
   std::vector<ListeningSocket> tcp;
   std::vector<std::string> tcp_addresses;
   std::optional<ListeningSocket> metrics;

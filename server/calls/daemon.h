@@ -11,7 +11,7 @@
 #include "server/device/engine_slot.h"
 #include "server/device/health.h"
 #include "server/journal/journal.h"
-#include "server/net/lifeline.h"
+#include "server/net/local_channel.h"
 #include "server/observe/call_log.h"
 #include "server/observe/call_watch.h"
 #include "server/observe/metrics.h"
@@ -43,7 +43,7 @@ struct Daemon {
   CallWatch watch;
   Health health;
   Watchdog watchdog;
-  std::unique_ptr<Lifelines> lifelines;
+  std::unique_ptr<LocalChannel> local_channel;
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;
   Expected<std::unique_ptr<Decoder>> decoder;

@@ -34,7 +34,7 @@ bool send(int socket, const void* bytes, std::size_t size, int descriptor) {
   return send_packet(socket, std::span(&piece, 1), descriptor);
 }
 
-/// Larger ones go in a memfd, whose packet says how many bytes are in it.
+/// Sends a reply; one larger than a packet goes in a memfd, and the packet has its size, a u64.
 bool send(int socket, const std::string& reply) {
   if (reply.size() <= kPacketBytes) return send(socket, reply.data(), reply.size(), -1);
   const u64 size = reply.size();
@@ -48,26 +48,28 @@ bool send(int socket, const std::string& reply) {
 
 /// The socket of one session, and the one call that runs over it.
 ///
-/// The thread of run() begins a call; whichever thread ends it sends the reply, and then the next
-/// one may come. Lifetime: held by that thread, and by who works for the call.
-class QuickCalls::Line final : public JobSink, public std::enable_shared_from_this<Line> {
+/// The thread of run() begins a call; the thread that ends it sends the reply, after which the next
+/// call may begin. Lifetime: held by the thread of run() and by the call's work.
+class QuickCalls::FastPathConnection final
+    : public JobSink,
+      public std::enable_shared_from_this<FastPathConnection> {
  public:
-  /// With its charges.
+  /// A descriptor with its charges.
   struct Socket {
     ForeignFd fd;
     Charge counted;
     Charge descriptor;
   };
-  Line(Daemon& daemon, std::shared_ptr<Session> session, Socket socket)
+  FastPathConnection(Daemon& daemon, std::shared_ptr<Session> session, Socket socket)
       : daemon_(daemon), session_(std::move(session)), socket_(std::move(socket)) {}
 
-  /// Until the socket is closed. A call that is under way then is cancelled.
+  /// Serves calls until the socket is closed, which cancels the call in flight.
   void run() {
     const std::stop_callback on_end(session_->ended(), [this] { close(); });
     std::array<char, kPacketBytes> packet;
     while (true) {
       const auto got = receive_packet(socket_.fd, packet, 0, daemon_.loop->closer());
-      if (!got.descriptors.empty()) break;  // none belong to a call
+      if (!got.descriptors.empty()) break;  // a call has none: protocol error
       const ssize_t size = got.size;
       if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
       if (!call_.ParseFromArray(packet.data(), int(size))) break;
@@ -79,7 +81,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
   }
   void close() { ::shutdown(socket_.fd.get(), SHUT_RDWR); }
 
-  /// What there is no room for is left out.
+  /// Drops an update that the socket does not accept.
   void progress(const Progress& progress) override {
     if (!call_.progress()) return;
     v1::QuickReply reply;
@@ -153,7 +155,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     return stop_.stop_requested();
   }
 
-  /// Ends the call: the one place that does. Nothing of it is touched once the reply is on its way.
+  /// Ends the call; the only place that does. Touches none of its state once the reply is sent.
   void finish(const Status& status) {
     CallOutcome outcome;
     if (!status) {
@@ -171,7 +173,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     is_busy_ = false;
     if (!send(socket_.fd.get(), bytes)) close();
   }
-  /// A session that asks nothing holds neither a scene nor memory for it.
+  /// Releases the call's state: an idle session holds neither a scene nor memory for calls.
   void forget() {
     admitted_.reset();
     call_ = {};
@@ -186,7 +188,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
   const Socket socket_;
   std::mutex mutex_;
   std::stop_source stop_;              // of the call; guarded by mutex_
-  std::atomic<bool> is_busy_ = false;  // what is below is the call's
+  std::atomic<bool> is_busy_ = false;  // true: the members below belong to the call in flight
 
   v1::QuickCall call_;
   v1::QuickReply reply_;
@@ -205,33 +207,33 @@ void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket
   auto counted = Charge::take(ledger.quick_calls, 1);
   auto descriptor = Charge::take(ledger.descriptors, 1);
   if (!counted || !descriptor) return;
-  auto line = std::make_shared<Line>(
+  auto connection = std::make_shared<FastPathConnection>(
       daemon_, session,
-      Line::Socket{std::move(socket), std::move(*counted), std::move(*descriptor)});
+      FastPathConnection::Socket{std::move(socket), std::move(*counted), std::move(*descriptor)});
   const std::lock_guard lock(mutex_);
-  const auto before = lines_.find(session->id());
-  if (before != lines_.end()) before->second->close();
+  const auto before = connections_.find(session->id());
+  if (before != connections_.end()) before->second->close();
   if (is_stopped_) return;
   try {
-    std::thread([this, line, id = session->id()]() mutable {
-      line->run();
-      forget(id, std::move(line));
+    std::thread([this, connection, id = session->id()]() mutable {
+      connection->run();
+      forget(id, std::move(connection));
     }).detach();
   } catch (const std::system_error& error) {
     return daemon_.log.error("no thread for quick calls", {{"reason", error.what()}});
   }
   ++threads_;
-  lines_[session->id()] = line;
+  connections_[session->id()] = connection;
 }
 
-/// The line goes while stop() still waits: its socket and its charges are the daemon's.
-void QuickCalls::forget(u64 session, std::shared_ptr<Line> line) {
+/// Releases the connection before stop() may return: its socket and charges refer to the daemon.
+void QuickCalls::forget(u64 session, std::shared_ptr<FastPathConnection> connection) {
   {
     const std::lock_guard lock(mutex_);
-    const auto found = lines_.find(session);
-    if (found != lines_.end() && found->second == line) lines_.erase(found);
+    const auto found = connections_.find(session);
+    if (found != connections_.end() && found->second == connection) connections_.erase(found);
   }
-  line.reset();
+  connection.reset();
   const std::lock_guard lock(mutex_);
   if (--threads_ == 0) ended_.notify_all();
 }
@@ -239,7 +241,7 @@ void QuickCalls::forget(u64 session, std::shared_ptr<Line> line) {
 void QuickCalls::stop() {
   std::unique_lock lock(mutex_);
   is_stopped_ = true;
-  for (const auto& [session, line] : lines_) line->close();
+  for (const auto& [session, connection] : connections_) connection->close();
   ended_.wait(lock, [this] { return threads_ == 0; });
 }
 

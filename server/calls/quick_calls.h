@@ -1,5 +1,5 @@
-// Apply and Render of local clients over a socket of their own, a packet each way: gRPC and its
-// threads are most of what a short call takes. See docs/protocol.md, "Quick calls".
+// Quick calls: Apply and Render of a local session over a SOCK_SEQPACKET socket of its own, one
+// packet each way. They spare a short call gRPC's latency. See docs/protocol.md, "Quick calls".
 #pragma once
 
 #include <condition_variable>
@@ -15,31 +15,32 @@ namespace heliograph::server {
 
 struct Daemon;
 
-/// Owns: the sockets, each with a thread that reads it. Thread: any.
+/// Owns: one socket per session, each with a thread that reads it. Thread: any.
 class QuickCalls {
  public:
   explicit QuickCalls(Daemon& daemon) : daemon_(daemon) {}
   ~QuickCalls() { stop(); }
 
-  /// Not while calls are recorded: a recording has what comes by gRPC.
+  /// False while calls are recorded: the recorder sees gRPC only.
   [[nodiscard]] static bool are_possible(const Daemon& daemon);
 
-  /// Answers the session's calls over this socket until the client closes it or the session ends.
-  /// The one that it had before is closed; so is one that is no SOCK_SEQPACKET, or one too many.
+  /// Answers the session's calls over `socket` until the client closes it or the session ends.
+  /// Replaces and closes the session's earlier socket. Closes `socket` at once when it is no
+  /// SOCK_SEQPACKET, or beyond the tenant's limit.
   void serve(const std::shared_ptr<Session>& session, ForeignFd socket);
-  /// Closes all of them and waits for their threads. No other begins.
+  /// Closes all sockets, waits for their threads, and serves none from then on.
   void stop();
 
  private:
-  class Line;
-  void forget(u64 session, std::shared_ptr<Line> line);
+  class FastPathConnection;
+  void forget(u64 session, std::shared_ptr<FastPathConnection> connection);
 
   Daemon& daemon_;
   std::mutex mutex_;
   std::condition_variable ended_;
   bool is_stopped_ = false;
   u32 threads_ = 0;
-  std::unordered_map<u64, std::shared_ptr<Line>> lines_;  // by session
+  std::unordered_map<u64, std::shared_ptr<FastPathConnection>> connections_;  // by session
 };
 
 }  // namespace heliograph::server

@@ -133,14 +133,15 @@ Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr&
   if (!session || request.ticket().empty()) return session;
   const u64 id = (*session)->id();
   daemon.sessions.attach(id);
-  if (auto bound = daemon.lifelines->bind(request.ticket(), id); !bound) {
+  if (auto bound = daemon.local_channel->bind(request.ticket(), id); !bound) {
     if (request.resume() != 0)
       daemon.sessions.detach(id);  // it is resumed with a good ticket
     else
       daemon.sessions.close(id);
     return std::unexpected(bound.error());
   }
-  (*session)->holdings().shared().listen([lines = daemon.lifelines.get(), id] { lines->hear(id); });
+  (*session)->holdings().shared().set_poll(
+      [channel = daemon.local_channel.get(), id] { channel->poll(id); });
   return session;
 }
 
@@ -200,7 +201,7 @@ grpc::ServerUnaryReactor* Service::CloseSession(Context* context,
   return unary(daemon_.gate, context, *request, Needs::kSessionAlways, [&](UnaryCall& call) {
     const u64 id = call.session()->id();
     daemon_.sessions.close(id);
-    daemon_.lifelines->release(id);
+    daemon_.local_channel->release(id);
     call.finish({});
   });
 }

@@ -247,6 +247,6 @@ std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits) {
   };
 }
 
-std::string lifeline_path(const std::string& socket) { return socket + ".fd.sock"; }
+std::string local_channel_path(const std::string& socket) { return socket + ".fd.sock"; }
 
 }  // namespace heliograph::server

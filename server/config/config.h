@@ -117,7 +117,7 @@ struct Limits {
 };
 
 struct Config {
-  std::string socket;                 // path of the Unix socket; the second one is `socket`.fd.sock
+  std::string socket;  // path of the Unix socket; the local channel is `socket`.fd.sock
   std::optional<gid_t> socket_group;  // its members may connect too
   std::vector<std::string> listen;    // TCP addresses
   std::string token_file;             // used with `listen` where there is no tenants_file
@@ -175,7 +175,7 @@ inline constexpr const char* kExposed =
 /// The limits by name, as GetServerInfo tells them.
 [[nodiscard]] std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits);
 
-/// The path of the second socket.
-[[nodiscard]] std::string lifeline_path(const std::string& socket);
+/// Returns the path of the local channel.
+[[nodiscard]] std::string local_channel_path(const std::string& socket);
 
 }  // namespace heliograph::server

@@ -19,7 +19,7 @@ namespace {
 constexpr u64 kNoLimit = std::numeric_limits<u64>::max();
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, the journal, logs, metrics
 constexpr u64 kFewDescriptors = 8;      // are left to frames in any case
-constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its local channel
 constexpr u64 kManyCores = 8;
 
 /// A number in a file of the kernel; "max" and what is not there are no limit.

@@ -1,4 +1,4 @@
-// What waits for the journal's writer, in a fair order of tenants. Used by journal.cpp.
+// Queue of the journal's writer, fair among tenants. Used by journal.cpp.
 #pragma once
 
 #include <algorithm>
@@ -13,61 +13,62 @@
 
 namespace heliograph::server {
 
-/// Start-time fair queuing by bytes (Goyal, Vin and Cheng 1996): the tenant that had the fewest
-/// goes first, in a tenant whoever came first. Thread: one at a time.
+/// Start-time fair queuing (Goyal, Vin and Cheng 1996) of a flow per tenant, with cost in bytes;
+/// first in, first out within a tenant. Thread: one at a time.
 template <class T>
 class WriteQueue {
  public:
   void push(const std::string& tenant, u64 bytes, T item) {
-    Line& line = lines_[tenant];
-    if (line.items.empty()) line.had = std::max(line.had, reached_);
-    line.items.emplace_back(bytes, std::move(item));
+    Flow& flow = flows_[tenant];
+    if (flow.items.empty()) flow.start_tag = std::max(flow.start_tag, virtual_time_);
+    flow.items.emplace_back(bytes, std::move(item));
     ++size_;
   }
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] std::size_t size_of(const std::string& tenant) const {
-    const auto line = lines_.find(tenant);
-    return line == lines_.end() ? 0 : line->second.items.size();
+    const auto flow = flows_.find(tenant);
+    return flow == flows_.end() ? 0 : flow->second.items.size();
   }
 
-  /// The next ones, `most` bytes together; the first one whatever it has.
+  /// Takes the next items, `most` bytes in total, and at least one.
   [[nodiscard]] std::vector<T> take(u64 most) {
     std::vector<T> taken;
     u64 bytes = 0;
-    for (Line* line = next(); line; line = next()) {
-      auto& [size, item] = line->items.front();
+    for (Flow* flow = next(); flow; flow = next()) {
+      auto& [size, item] = flow->items.front();
       bytes += size;
       if (!taken.empty() && bytes > most) break;
-      reached_ = line->had;
-      line->had += size;
+      virtual_time_ = flow->start_tag;
+      flow->start_tag += size;
       taken.push_back(std::move(item));
-      line->items.pop_front();
+      flow->items.pop_front();
       --size_;
     }
     return taken;
   }
   [[nodiscard]] std::vector<T> take_all() {
     std::vector<T> taken;
-    for (auto& [tenant, line] : lines_)
-      for (auto& [size, item] : std::exchange(line.items, {})) taken.push_back(std::move(item));
+    for (auto& [tenant, flow] : flows_)
+      for (auto& [size, item] : std::exchange(flow.items, {})) taken.push_back(std::move(item));
     size_ = 0;
     return taken;
   }
 
  private:
-  struct Line {
+  struct Flow {
     std::deque<std::pair<u64, T>> items;
-    u64 had = 0;  // bytes, or what it starts from
+    u64 start_tag = 0;  // bytes: virtual time at which the next item starts
   };
-  [[nodiscard]] Line* next() {
-    Line* first = nullptr;
-    for (auto& [tenant, line] : lines_)
-      if (!line.items.empty() && (!first || line.had < first->had)) first = &line;
+  /// The waiting flow with the smallest start tag; null: none waits.
+  [[nodiscard]] Flow* next() {
+    Flow* first = nullptr;
+    for (auto& [tenant, flow] : flows_)
+      if (!flow.items.empty() && (!first || flow.start_tag < first->start_tag)) first = &flow;
     return first;
   }
 
-  std::map<std::string, Line> lines_;
-  u64 reached_ = 0;
+  std::map<std::string, Flow> flows_;
+  u64 virtual_time_ = 0;  // bytes: start tag of the item taken last
   std::size_t size_ = 0;
 };
 

@@ -1,5 +1,5 @@
 // Sockets that wait for clients: bound by us, private by mode and peer check, never starved of
-// descriptors. Used for gRPC's connections (accept.cpp hands them over) and for lifelines.
+// descriptors. Used for gRPC's connections (accept.cpp hands them over) and for the local channel.
 #pragma once
 
 #include <sys/types.h>

@@ -1,4 +1,4 @@
-// The epoll loop behind accept, lifelines, signals and grace timers.
+// The epoll loop behind accept, the local channel, signals and grace timers.
 #include "server/os/event_loop.h"
 
 #include <sys/epoll.h>

@@ -1,4 +1,4 @@
-// One packet of a SOCK_SEQPACKET socket, with descriptors. Used by the second socket and by quick
+// One packet of a SOCK_SEQPACKET socket, with descriptors. Used by the local channel and by quick
 // calls.
 #pragma once
 
@@ -14,7 +14,7 @@
 namespace heliograph::server {
 
 /// Sends the pieces as one packet, with a descriptor unless that is -1. False when the socket does
-/// not take it at once: its client has left, or reads nothing.
+/// accept it at once: its client has left, or does not read.
 [[nodiscard]] inline bool send_packet(int socket, std::span<iovec> pieces, int descriptor) {
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof descriptor)> control{};
   msghdr message{};
@@ -35,13 +35,12 @@ namespace heliograph::server {
 }
 
 struct ReceivedPacket {
-  ssize_t size = -1;  // of the packet, of which `data` may have had room for less; as recvmsg()'s
+  ssize_t size = -1;  // of the whole packet, which may exceed `data`; else recvmsg()'s result
   std::vector<ForeignFd> descriptors;
 };
 
-/// Takes one packet and all descriptors that came with it: those there is no room for the kernel
-/// would close before recvmsg() returns, which may take long. Their sender is
-/// the socket's.
+/// Receives one packet with all of its descriptors, whose sender is the socket's. There is room for
+/// as many as the kernel allows: it would close the excess within recvmsg(), which may take long.
 [[nodiscard]] inline ReceivedPacket receive_packet(const ForeignFd& socket, std::span<char> data,
                                                    int flags, Closer& closer) {
   constexpr std::size_t kMost = 253;  // SCM_MAX_FD

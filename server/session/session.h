@@ -76,8 +76,8 @@ class Session {
   [[nodiscard]] std::shared_ptr<SharedFrames> shared_frames() const {
     return shared_frames_.load();
   }
-  /// Its client maps buffers, which `tell` hands over. Once.
-  void share_frames(SharedFrames::Tell tell);
+  /// Its client maps buffers, which `send` hands over. Once.
+  void share_frames(SharedFrames::Send send);
 
   /// RESOURCE_EXHAUSTED when too many calls run. end_call() must follow.
   [[nodiscard]] Status begin_call();

@@ -1,4 +1,4 @@
-// Making, leasing and taking back buffers. Called by FrameCutter, the engine and the lifelines.
+// Making, leasing and taking back buffers. Called by FrameCutter, the engine and the local channel.
 #include "server/store/shared_frames.h"
 
 #include <fmt/format.h>
@@ -8,8 +8,8 @@
 
 namespace heliograph::server {
 
-/// The free buffer that wastes least, and at most half of itself, but for the least that there is.
-/// One that came back may still be read by the recorder.
+/// Returns the smallest free buffer that fits, of at most twice the size rounded up to a power of
+/// two (or to the source's step). A returned buffer is not free while the recorder reads it.
 SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes, const Source& source) {
   const u64 most = 2 * std::max(std::bit_ceil(bytes), source->step());
   auto best = buffers_.end();
@@ -64,12 +64,12 @@ bool SharedFrames::forget_free_one() {
 }
 
 bool SharedFrames::let_go(const SharedMemorySource& source) {
-  if (maker_ == std::this_thread::get_id()) return false;  // it does so itself
+  if (maker_ == std::this_thread::get_id()) return false;  // make() frees on its own
   const std::unique_lock lock(mutex_, std::try_to_lock);
   return lock && forget_free_of(source);
 }
 
-/// Makes room where the memory is. Returns whether any was free.
+/// Frees the unused buffers of one source; false when there were none.
 bool SharedFrames::forget_free_of(const SharedMemorySource& source) {
   const std::size_t before = buffers_.size();
   for (auto it = buffers_.begin(); it != buffers_.end();) {
@@ -79,7 +79,7 @@ bool SharedFrames::forget_free_of(const SharedMemorySource& source) {
   return buffers_.size() < before;
 }
 
-/// Those of a device that another one has replaced are of no use.
+/// Frees unused buffers of other sources: their device was replaced.
 void SharedFrames::forget_lost_ones(const Source& source) {
   for (auto it = buffers_.begin(); it != buffers_.end();) {
     const auto here = it++;

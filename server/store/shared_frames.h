@@ -1,5 +1,5 @@
-// Frames in memory that a local client maps, handed over on the second socket: ranges of arenas of
-// the host, or buffers of a device's memory, pooled for each session.
+// Frames in memory that a local client maps, handed over on the local channel: ranges of arenas in
+// host memory, or buffers in a device's memory, pooled per session.
 #pragma once
 
 #include <atomic>
@@ -20,45 +20,46 @@
 
 namespace heliograph::server {
 
-/// The buffers of one session. What was sent is never rewritten: it comes back when the client
-/// says so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
-/// looks. Thread: any.
+/// Shared buffers of one session, leased to frames. A sent range is never rewritten: it is reused
+/// once the client returns it, and abandoned (the client's mapping lives on) when it cannot be
+/// known whether the client still reads it. Thread: any.
 class SharedFrames final : public SharedMemoryKeeper,
                            public std::enable_shared_from_this<SharedFrames> {
  public:
   using Source = std::shared_ptr<SharedMemorySource>;
-  using Tell = SharedRoom::Tell;
+  using Send = SharedRoom::Send;
 
-  SharedFrames(SharedRoom::Limits limits, Tell tell)
-      : room_(std::move(limits), std::move(tell),
+  SharedFrames(SharedRoom::Limits limits, Send send)
+      : room_(std::move(limits), std::move(send),
               [this] { return forget_free_one() || arenas_.let_go(); }) {}
 
-  /// A number that no other call of the session has.
+  /// Returns a number that no other call of the session has.
   [[nodiscard]] u64 new_call();
-  /// Room for a plane that `call` sends; none where limit, budget, source or socket have none: it
-  /// then travels as bytes, if the host can read it.
+  /// Leases memory for a plane that `call` sends. None when limit, budget, source or socket refuse:
+  /// the plane then travels as bytes, if the host can read it.
   ///
-  /// source   of a device's memory; absent: the host's
+  /// source   the device's memory; null: the host's
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call, Source source = nullptr);
-  /// What the client has written into a buffer that it holds. NOT_FOUND when it does not hold that
-  /// use of it, INVALID_ARGUMENT.
+  /// Reads what the client wrote into a buffer that it holds, piece by piece. NOT_FOUND when it
+  /// does not hold that generation, INVALID_ARGUMENT for a range outside the buffer.
   [[nodiscard]] Status read(const v1::BufferRef& ref, const TakePiece& take) const;
-  /// As LentMemory::take(). Floats are counted as copy() counts them.
+  /// As LentMemory::take(). Floats are charged to the budget as by copy().
   [[nodiscard]] Expected<BufferPtr> take(const v1::BufferRef& ref, Numbers kind) const;
-  /// A copy of it. RESOURCE_EXHAUSTED, too.
+  /// Copies a range of a buffer that the client holds. Errors of read(), RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<BufferPtr> copy(const v1::BufferRef& ref) const;
-  /// A use of a buffer is over; what names another use is ignored.
+  /// Ends a lease. A generation that is not the buffer's current one is ignored.
   void give_back(u64 buffer, u64 generation);
-  /// Nobody can tell when this use is over: what it is of is not used again.
+  /// Abandons a lease whose end will never be reported: its memory is not reused.
   void give_up(u64 generation);
-  /// The client maps an arena no more (Arenas::unmapped). What is to be freed then, or null.
+  /// The client has unmapped an arena (Arenas::unmapped). Returns the memory to free, or null.
   [[nodiscard]] std::shared_ptr<const SharedMemory> unmapped(u64 buffer);
-  /// The daemon neither reads nor writes it any more, and has sent it, or never will.
+  /// The daemon is done with a lease: from now on it neither reads nor writes it. is_sent: the
+  /// client has it and will return it.
   void let_be(const Lease& lease, bool is_sent);
-  /// Nobody will say so for those of a call: they are not used again.
+  /// Abandons the leases of a call, which will never be returned: their memory is not reused.
   void abandon(u64 call);
   bool let_go(const SharedMemorySource& source) override;
-  /// Bytes of all buffers, and how many are leased.
+  /// Bytes of all buffers, and the number of leases.
   [[nodiscard]] std::pair<u64, u32> used() const;
 
  private:
@@ -83,13 +84,13 @@ class SharedFrames final : public SharedMemoryKeeper,
   void forget_lost_ones(const Source& source);
 
   mutable std::mutex mutex_;
-  std::atomic<std::thread::id> maker_;  // has the mutex while it asks a source for more
+  std::atomic<std::thread::id> maker_;  // thread that holds mutex_ while a source allocates
   SharedRoom room_;
   Arenas arenas_{room_};  // the host's
   Buffers buffers_;       // of devices
 };
 
-/// Pixels in a lease, which ends with them unless it was sent.
+/// Pixels in leased memory. The destructor ends the lease unless it was sent.
 class LeasedPixels final : public PixelMemory {
  public:
   LeasedPixels(std::shared_ptr<SharedFrames> frames, Lease lease)
@@ -100,7 +101,7 @@ class LeasedPixels final : public PixelMemory {
 
   [[nodiscard]] std::span<std::byte> bytes() override { return lease_.bytes; }
   [[nodiscard]] bool is_on_device() const override { return lease_.memory->device() != nullptr; }
-  /// From now on the client ends it.
+  /// Passes the lease to the client, which returns it.
   [[nodiscard]] const Lease& send() {
     is_sent_ = true;
     return lease_;

@@ -1,5 +1,5 @@
-// What all shared buffers of one session have in common: how many bytes they may have, their
-// numbers, and how the client hears of them. Used by SharedFrames and Arenas.
+// Accounting of the shared buffers of one session: their bytes, their numbers, and the messages to
+// the client about them. Used by SharedFrames and Arenas.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace heliograph::server {
 
-/// One use of a range of a buffer, until the client returns it.
+/// A range of a buffer, in use from lease() until the client returns it.
 struct Lease {
   u64 buffer = 0;
   u64 generation = 0;
@@ -26,10 +26,10 @@ struct Lease {
 /// Thread: its owner's mutex guards it.
 class SharedRoom {
  public:
-  /// Tells the client about a buffer before its first use; null: about one to be forgotten. False
-  /// when the socket takes nothing.
-  using Tell = std::function<bool(u64 buffer, const SharedMemory* memory)>;
-  /// Lets go of a buffer that nobody uses; false when there is none.
+  /// Announces a buffer to the client before its first use; null: the client forgets it. False when
+  /// the socket accepts nothing.
+  using Send = std::function<bool(u64 buffer, const SharedMemory* memory)>;
+  /// Frees a buffer that is not leased; false when there is none.
   using LetGo = std::function<bool()>;
 
   struct Limits {
@@ -37,41 +37,41 @@ class SharedRoom {
     std::shared_ptr<Budget> budget;
     std::shared_ptr<Budget> descriptors;
   };
-  SharedRoom(Limits limits, Tell tell, LetGo let_go)
-      : limits_(std::move(limits)), tell_(std::move(tell)), let_go_(std::move(let_go)) {}
+  SharedRoom(Limits limits, Send send, LetGo let_go)
+      : limits_(std::move(limits)), send_(std::move(send)), let_go_(std::move(let_go)) {}
 
-  /// Adds bytes to the charge of a buffer. False when limit or budget have none, and nothing is
-  /// left to let go of.
+  /// Adds bytes to the charge of a buffer, freeing unused buffers as needed. False when limit or
+  /// budget refuse and nothing is left to free.
   [[nodiscard]] bool take(Charge& charge, u64 bytes) {
     while (!take_now(charge, bytes))
       if (!let_go_()) return false;
     return true;
   }
-  /// One for a new buffer; none when nothing is left to let go of.
+  /// Charges one descriptor for a new buffer; none when nothing is left to free.
   [[nodiscard]] std::optional<Charge> take_descriptor() {
     for (;;) {
       if (auto one = Charge::take(limits_.descriptors, 1)) return *std::move(one);
       if (!let_go_()) return std::nullopt;
     }
   }
-  /// A charge that was taken ends without a buffer.
+  /// Releases the bytes of a charge that got no buffer.
   void give_up(const Charge& charge) { used_ -= charge.amount(); }
-  /// Tells the client of a new buffer; its number. None when the socket takes nothing.
+  /// Announces a new buffer; returns its number, none when the socket accepts nothing.
   [[nodiscard]] std::optional<u64> announce(const SharedMemory& memory) {
-    if (!tell_(last_buffer_ + 1, &memory)) return std::nullopt;
+    if (!send_(last_buffer_ + 1, &memory)) return std::nullopt;
     return ++last_buffer_;
   }
-  /// Tells it once more.
+  /// Announces a buffer again. False when the socket accepts nothing.
   [[nodiscard]] bool announce_again(u64 buffer, const SharedMemory& memory) {
-    return tell_(buffer, &memory);
+    return send_(buffer, &memory);
   }
-  /// A buffer with this charge ends, and the client is told unless it knows. Unsaid, it maps the
-  /// buffer until its session ends.
+  /// Ends a buffer and its charge. The client is sent a message unless it unmapped the buffer
+  /// itself (is_known); if that message is lost, it maps the buffer until its session ends.
   void end(u64 buffer, const Charge& charge, bool is_known = false) {
     give_up(charge);
-    if (!is_known) (void)tell_(buffer, nullptr);
+    if (!is_known) (void)send_(buffer, nullptr);
   }
-  /// Of a call, or a generation: above all before it.
+  /// Returns the number of a new call or generation, above all earlier ones.
   [[nodiscard]] u64 next_number() { return ++last_number_; }
 
   [[nodiscard]] u64 limit() const { return limits_.bytes; }
@@ -89,7 +89,7 @@ class SharedRoom {
   }
 
   const Limits limits_;
-  const Tell tell_;
+  const Send send_;
   const LetGo let_go_;
   u64 used_ = 0;
   u64 last_buffer_ = 0;

@@ -1,4 +1,4 @@
-// Checking, taking and using up buffers. Called by the lifelines and Holdings.
+// Checking, taking and consuming buffers. Called by the local channel and SessionArrays.
 #include "server/store/shared_uploads.h"
 
 #include <fcntl.h>
@@ -10,8 +10,9 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kMost = 16'384;   // buffers that wait; more are forgotten
-constexpr u64 kFewestMapped = 1 << 20;  // bytes; a process has few mappings, so less is copied
+constexpr std::size_t kMost = 16'384;  // unused buffers of a session; further ones are dropped
+constexpr u64 kFewestMapped =
+    1 << 20;  // bytes; smaller buffers are copied, since mappings are few (vm.max_map_count)
 constexpr u64 kAlignment = 64;
 
 bool is_sealed(int fd) {
@@ -47,7 +48,7 @@ struct SharedUploads::Memory {
 };
 
 SharedUploads::Taken SharedUploads::read(u64 bytes, int fd) const {
-  struct stat file{};  // asked after the seals: a file of another kind may keep fstat() waiting
+  struct stat file{};  // after the seals: fstat() of a file that is no memfd may block
   if (!is_sealed(fd) || ::fstat(fd, &file) != 0)
     return fail(Code::kInvalidArgument, "buffer.buffer",
                 "is no memfd sealed with F_SEAL_WRITE, F_SEAL_SHRINK and F_SEAL_GROW");
@@ -92,8 +93,8 @@ Expected<BufferPtr> SharedUploads::take_lent(const v1::BufferRef& ref, Numbers k
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
   if (ref.generation() != 0 && lender_.copy) return lender_.copy(ref);
   auto taken = extract(ref.buffer());
-  if (!taken && hear_) {
-    hear_();
+  if (!taken && poll_) {
+    poll_();
     taken = extract(ref.buffer());
   }
   if (!taken)

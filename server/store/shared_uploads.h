@@ -1,4 +1,4 @@
-// Arrays that a local client wrote into memory of its own and handed over on the second socket.
+// Arrays that a local client wrote into memory of its own and handed over on the local channel.
 #pragma once
 
 #include <functional>
@@ -15,34 +15,36 @@
 
 namespace heliograph::server {
 
-/// The buffers that one session handed over and did not use yet. Large ones are mapped, not
-/// copied: their seals keep the client from changing what was checked. Thread: any.
+/// Buffers that the client of one session handed over and no request has used yet. Buffers of 1 MiB
+/// and more are mapped, not copied: their seals keep the client from changing them after the check.
+/// Thread: any.
 class SharedUploads {
  public:
-  /// `budget`: of the owner's bytes.
+  /// budget   bytes of the session's tenant
   explicit SharedUploads(std::shared_ptr<Budget> budget) : budget_(std::move(budget)) {}
 
-  /// What the client sent before a request may still wait in the second socket: `hear` reads it.
-  /// Called before the session is known to its client.
-  void listen(std::function<void()> hear) { hear_ = std::move(hear); }
+  /// Sets the function that delivers pending messages of the local channel: a buffer that was sent
+  /// before a request may still wait there. Called before the client knows the session.
+  void set_poll(std::function<void()> poll) { poll_ = std::move(poll); }
 
-  /// What an array names that lies in a buffer which the client was lent.
+  /// Access to buffers that the daemon lent to the client (SharedFrames).
   struct Lender {
     std::function<Expected<BufferPtr>(const v1::BufferRef&)> copy;
     std::function<Status(const v1::BufferRef&, const TakePiece&)> read;
     std::function<Expected<BufferPtr>(const v1::BufferRef&, Numbers)> take;
   };
-  /// Called before the session is known to its client, too.
+  /// Called before the client knows the session.
   void lend(Lender lender) { lender_ = std::move(lender); }
 
-  /// `fd`: a memfd that is sealed against writing and changes of its size. It stays the caller's.
-  /// What is wrong with it is told to the request that names it; false: something is.
+  /// Takes over the bytes of a memfd sealed against writing and resizing; `fd` stays the caller's.
+  /// False when it is refused; the request that names the buffer gets the error.
   bool take(u64 buffer, u64 bytes, int fd);
-  /// The bytes that an array names; used up. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED.
+  /// Returns the bytes that an array names and forgets the buffer. INVALID_ARGUMENT, NOT_FOUND,
+  /// RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
-  /// The bytes that an array names in a buffer that was lent; false: in another.
+  /// Reads the bytes that an array names in a lent buffer; false: the buffer is not a lent one.
   [[nodiscard]] Expected<bool> read_lent(const v1::BufferRef& ref, const TakePiece& take) const;
-  /// The numbers that an array names there as LentMemory::take() has them; null where it has not.
+  /// As LentMemory::take() for an array in a lent buffer; null: not a lent one, or not possible.
   [[nodiscard]] Expected<BufferPtr> take_lent(const v1::BufferRef& ref, Numbers kind) const;
 
  private:
@@ -53,7 +55,7 @@ class SharedUploads {
   [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
 
   const std::shared_ptr<Budget> budget_;
-  std::function<void()> hear_;
+  std::function<void()> poll_;
   Lender lender_;
   std::mutex mutex_;
   std::map<u64, std::shared_ptr<const Taken>> taken_;

@@ -59,7 +59,7 @@ class Caller:
         self.token = served.TOKENS[tenant]
         self.path = daemon.path
         self.channel = served.channel_of(f"unix://{daemon.path}")
-        self.lifelines = []
+        self.local_channels = []
         self.ticket = self.new_ticket()
         self.session = self.open(self.ticket)
         self.name = f"scene of {tenant}"
@@ -76,10 +76,10 @@ class Caller:
         )
 
     def new_ticket(self):
-        """Of a second socket that stays open."""
+        """Of a local channel that stays open."""
         line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         line.connect(self.path + ".fd.sock")
-        self.lifelines.append(line)
+        self.local_channels.append(line)
         return line.recv(64)
 
     def open(self, ticket):

@@ -84,7 +84,7 @@ def abandon(daemon, client, step):
     with lost.create_scene().edit() as edits:
         edits.entity("leftover")
     before = common.used(client, "tenant_entities")
-    lost.connection.link._lifeline.close()
+    lost.connection.link._local_channel.close()
     start = time.perf_counter()
     time.sleep(GRACE / 2)
     step()

@@ -38,7 +38,7 @@ class Stuck:
 
 
 def line(path):
-    """A second socket, which no session has."""
+    """A local channel without a session."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     connection.connect(path + ".fd.sock")
     connection.recv(64)

@@ -304,7 +304,7 @@ def sparse(client, size):
     fd = os.memfd_create("sparse", os.MFD_ALLOW_SEALING)
     os.ftruncate(fd, size)
     fcntl.fcntl(fd, fcntl.F_ADD_SEALS, fcntl.F_SEAL_WRITE | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
-    socket.send_fds(client.connection.link._lifeline, [struct.pack("=QQ", 7, size)], [fd])
+    socket.send_fds(client.connection.link._local_channel, [struct.pack("=QQ", 7, size)], [fd])
     os.close(fd)
     with client.create_scene() as scene:
         request = service.ApplyRequest(scene=scene.id, number=1)

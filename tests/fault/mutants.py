@@ -6,7 +6,7 @@ import numpy as np
 from google.protobuf import message_factory
 from google.protobuf.descriptor import FieldDescriptor as Field
 from heliograph._wire import link
-from heliograph._wire.quick import QuickLine
+from heliograph._wire.quick import FastPathConnection
 
 NUMBERS = [0, -0.0, 1, -1, 0.5, 2, 1e-30, 1e30, 1e300, -1e300, np.inf, -np.inf, np.nan]
 INTEGERS = [0, 1, 2, 3, 255, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1]
@@ -35,7 +35,7 @@ def record():
         serialize(getattr(call, call.WhichOneof("call")))
         return ask_quickly(line, call, *arguments)
 
-    ask_quickly, QuickLine.ask = QuickLine.ask, ask
+    ask_quickly, FastPathConnection.ask = FastPathConnection.ask, ask
     link._serialize = serialize
     return seeds
 

@@ -22,8 +22,8 @@ NOBODY = 65534
 COUNT = common.size(1000, 60)
 
 
-def lifeline_of(client):
-    return client.connection.link._lifeline
+def local_channel_of(client):
+    return client.connection.link._local_channel
 
 
 def frames_kept(scene):
@@ -76,7 +76,7 @@ def changed_by_client(scene):
 
 def lying_words(scene):
     """Words that name anything, with descriptors of anything, while frames go to and fro."""
-    line, dice = lifeline_of(scene.client), random.Random(1)
+    line, dice = local_channel_of(scene.client), random.Random(1)
     for k in range(10 * COUNT):
         number = dice.choice((0, 1, 5, 1 << 63, shared._UNMAPPED))
         word = shared._WORD.pack(dice.choice((1, 2, 3, 1 << 63)), number)
@@ -93,7 +93,7 @@ def lying_words(scene):
 
 def lies_about_ranges(scene, most):
     """Every use of every arena, its own and others', is over, lost or unmapped, over and over."""
-    line = lifeline_of(scene.client)
+    line = local_channel_of(scene.client)
     for k in range(COUNT // 4):
         held = scene.render("cam", planes=["position"], size=(256, 128), labels=False)
         for generation in range(most):

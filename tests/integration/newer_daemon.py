@@ -66,7 +66,7 @@ class Proxy(grpc.GenericRpcHandler):
 @contextlib.contextmanager
 def before(address: str, min_api: int = 1):
     """(address of a proxy, Proxy) before the daemon at unix:///path, which speaks versions min_api
-    to 3; the second socket is the daemon's own."""
+    to 3; the local channel is the daemon's own."""
     path = address.removeprefix("unix://")
     with tempfile.TemporaryDirectory(prefix="hg-") as folder:
         os.symlink(path + ".fd.sock", f"{folder}/h.sock.fd.sock")

@@ -10,7 +10,7 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._wire.quick import QuickLine
+from heliograph._wire.quick import FastPathConnection
 
 LENS = hg.Camera.from_fov(50, 320, 240, degrees=True)
 
@@ -20,14 +20,14 @@ class Asked:
 
     def __init__(self, monkeypatch):
         self.answered: list[bool] = []
-        ask = QuickLine.ask
+        ask = FastPathConnection.ask
 
         def spy(line, call, on_progress=None):
             reply = ask(line, call, on_progress)
             self.answered.append(reply is not None)
             return reply
 
-        monkeypatch.setattr(QuickLine, "ask", spy)
+        monkeypatch.setattr(FastPathConnection, "ask", spy)
 
 
 @pytest.fixture

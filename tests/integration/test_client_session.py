@@ -75,12 +75,12 @@ def _seconds(code):
 
 def test_a_ticket_of_a_daemon_that_ended_is_asked_for_again(monkeypatch):
     stale = [b"x" * 16]
-    connect = Link._connect_lifeline
+    connect = Link._connect_local_channel
 
     def first_stale(self, path):
         return stale.pop() if (ticket := connect(self, path)) and stale else ticket
 
-    monkeypatch.setattr(Link, "_connect_lifeline", first_stale)
+    monkeypatch.setattr(Link, "_connect_local_channel", first_stale)
     with hg.connect() as late:
         assert not stale and late.scenes() is not None
 

@@ -42,9 +42,9 @@ def look_and_be_heard(scene, k):
     """A look whose frame the daemon knows to be given back, which on busy cores it may otherwise
     learn after the next request."""
     look(scene, k)
-    lifeline = scene.client.connection.link.shared._lifeline
+    local_channel = scene.client.connection.link.shared._local_channel
     until = time.monotonic() + 30
-    while fcntl.ioctl(lifeline, termios.TIOCOUTQ, bytes(4)) != bytes(4):
+    while fcntl.ioctl(local_channel, termios.TIOCOUTQ, bytes(4)) != bytes(4):
         assert time.monotonic() < until
         time.sleep(0.001)
 
@@ -193,7 +193,7 @@ def test_without_room_frames_travel():
 
 
 def wish(path):
-    """A second socket that has asked for buffers, with its session open."""
+    """A local channel that has asked for buffers, with its session open."""
     import grpc
     from heliograph._wire._proto import service_pb2 as service
     from heliograph._wire._proto import service_pb2_grpc as stubs

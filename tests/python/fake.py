@@ -39,7 +39,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.needs = []  # companions DecodeAsset asks for, one a round
         self.exported = []
         self.imported = []
-        self._lifelines = []
+        self._local_channels = []
         self._server = grpc.server(futures.ThreadPoolExecutor(16))
         service_pb2_grpc.add_RendererServicer_to_server(self, self._server)
         assert self._server.add_insecure_port(self.address)
@@ -58,16 +58,16 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             ticket = os.urandom(16)
             self.tickets.add(ticket)
             connection.send(ticket)
-            self._lifelines.append(connection)
+            self._local_channels.append(connection)
 
     def stop(self):
         self._listener.close()
         self._server.stop(0)
 
-    def lifelines(self):
-        """How many second sockets are still open at the client's end."""
+    def local_channels(self):
+        """The number of local channels that are still open at the client's end."""
         alive = 0
-        for line in self._lifelines:
+        for line in self._local_channels:
             line.setblocking(False)
             try:
                 alive += line.recv(1) != b""

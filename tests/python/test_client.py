@@ -19,9 +19,9 @@ from heliograph._wire.shared import share_frames
 
 def test_a_session_lives_on_the_second_socket(daemon):
     client = hg.connect(daemon.address)
-    assert daemon.lifelines() == 1 and "heliograph 0.1" in daemon.sessions[0]
+    assert daemon.local_channels() == 1 and "heliograph 0.1" in daemon.sessions[0]
     client.close()
-    assert daemon.lifelines() == 0
+    assert daemon.local_channels() == 0
     with pytest.raises(hg.Unavailable, match="closed"):
         client.create_scene()
 
@@ -149,7 +149,7 @@ def test_a_forked_child_opens_its_own_session(daemon, scene):
         edit.entity("after")
     assert daemon.last[1] == 2 and len(daemon.sessions) >= 4
     assert len(daemon.transactions) == 14
-    assert daemon.lifelines() == 1
+    assert daemon.local_channels() == 1
 
 
 def test_fork_inherits_clients_and_exits_normally(daemon, scene):
@@ -301,7 +301,7 @@ def test_command_line_against_a_daemon(daemon, capsys):
     assert "fake" in capsys.readouterr().out
 
 
-@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="there is no second socket")
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="there is no local channel")
 def test_a_daemon_that_ends_while_a_session_is_opened_is_unavailable():
     near, far = socket.socketpair()
     far.close()

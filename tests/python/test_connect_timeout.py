@@ -107,7 +107,7 @@ def test_nobody_listens_at_a_port(connect):
 
 
 def test_a_ticket_but_no_session(tmp_path):
-    """The second socket answers, the first one does not."""
+    """The local channel answers, the gRPC socket does not."""
     with fake.running(tmp_path) as daemon:
         daemon._server.stop(0).wait()
         refused(hg.connect, daemon.address)

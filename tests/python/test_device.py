@@ -36,7 +36,7 @@ def stub(library):
 
 
 class Daemon:
-    """The other end of the second socket."""
+    """The other end of the local channel."""
 
     def __init__(self):
         self.line, client = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -22,7 +22,7 @@ FLOATS = np.dtype("f4")
 
 
 class Daemon:
-    """The other end of the second socket of one client."""
+    """The other end of the local channel of one client."""
 
     def __init__(self):
         self.line, self.client = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -95,7 +95,7 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
 
 TEST_CASE("shared uploads: what waits in the socket is heard first") {
   SharedUploads uploads(room(1000));
-  uploads.listen([&] { uploads.take(8, kText.size(), memory(kSeals).get()); });
+  uploads.set_poll([&] { uploads.take(8, kText.size(), memory(kSeals).get()); });
   CHECK(uploads.use(ref(8, kText.size())));
 }
 

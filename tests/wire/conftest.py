@@ -90,19 +90,19 @@ class Daemon:
 
 
 class Client:
-    """One session: its lifeline, its channel, its stub."""
+    """One session: its local channel, its gRPC channel, its stub."""
 
     def __init__(self, daemon: Daemon, ticket: bool = True, token: str = ""):
         self.channel = grpc.insecure_channel(
             daemon.target, options=[("grpc.use_local_subchannel_pool", 1)]
         )
         self.stub = service_pb2_grpc.RendererStub(self.channel)
-        self.lifeline = None
+        self.local_channel = None
         request = service.OpenSessionRequest(client="test")
         if ticket:
-            self.lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            self.lifeline.connect(daemon.socket + ".fd.sock")
-            request.ticket = self.lifeline.recv(64)
+            self.local_channel = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self.local_channel.connect(daemon.socket + ".fd.sock")
+            request.ticket = self.local_channel.recv(64)
         self.metadata = [("authorization", f"Bearer {token}")] if token else []
         self.opened = self.stub.OpenSession(
             request, metadata=self.metadata, wait_for_ready=True, timeout=10
@@ -132,8 +132,8 @@ class Client:
 
     def close(self) -> None:
         self.channel.close()
-        if self.lifeline:
-            self.lifeline.close()
+        if self.local_channel:
+            self.local_channel.close()
 
 
 def joined(replies):

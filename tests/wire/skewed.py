@@ -83,10 +83,12 @@ class Client:
         self.channel = grpc.insecure_channel(
             daemon.target, options=[("grpc.use_local_subchannel_pool", 1)]
         )
-        self.lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.lifeline.connect(daemon.socket + ".fd.sock")
+        self.local_channel = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.local_channel.connect(daemon.socket + ".fd.sock")
         self.metadata = []
-        self.opened = self.call("OpenSession", ticket=_text(self.lifeline.recv(64)), client="skew")
+        self.opened = self.call(
+            "OpenSession", ticket=_text(self.local_channel.recv(64)), client="skew"
+        )
         self.metadata = [("heliograph-session", str(self.opened.session))]
         self.last = {}
 
@@ -126,7 +128,7 @@ class Client:
     def close(self) -> None:
         self.call("CloseSession")
         self.channel.close()
-        self.lifeline.close()
+        self.local_channel.close()
 
 
 def _text(data: bytes) -> str:

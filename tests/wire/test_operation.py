@@ -257,7 +257,7 @@ def test_reflection_asks_for_the_token_too(start):
 
 
 def as_user(uid: int, gid: int, groups: list[int], path: str) -> bool:
-    """Whether a process of that user gets a ticket on the second socket."""
+    """Whether a process of that user gets a ticket on the local channel."""
     child = os.fork()
     if child == 0:
         status = 1

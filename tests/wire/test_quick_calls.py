@@ -30,7 +30,7 @@ class Line:
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, kind)
         self.socket.settimeout(20)
         with theirs:
-            socket.send_fds(client.lifeline, [WISH], [theirs.fileno()])
+            socket.send_fds(client.local_channel, [WISH], [theirs.fileno()])
 
     def exchange(self, packet: bytes) -> bytes | None:
         """What answers a packet; None: the daemon closed the socket."""
@@ -185,7 +185,7 @@ def test_a_new_socket_takes_the_place_of_the_old_one(client):
 def test_only_a_socket_of_packets_will_do(client):
     assert Line(client, socket.SOCK_STREAM).ping() is None
     with open("/dev/zero", "rb") as file:
-        socket.send_fds(client.lifeline, [WISH], [file.fileno()])
+        socket.send_fds(client.local_channel, [WISH], [file.fileno()])
     assert Line(client).ping() == NOT_FOUND
 
 

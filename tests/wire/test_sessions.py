@@ -43,7 +43,7 @@ def test_a_ticket_is_good_once(daemon, client):
         client.stub.OpenSession(service.OpenSessionRequest(ticket=b"0" * 16), timeout=5)
     assert error.value.code() == UNAUTHENTICATED
     other = Client(daemon)
-    other.lifeline.close()  # its ticket was used by its own session
+    other.local_channel.close()  # its ticket was used by its own session
     other.channel.close()
 
 
@@ -57,11 +57,11 @@ def test_close_ends_the_session_at_once(daemon):
     client.close()
 
 
-def test_the_end_of_the_lifeline_ends_the_session_after_its_grace_time(daemon):
+def test_the_end_of_the_local_channel_ends_the_session_after_its_grace_time(daemon):
     client = Client(daemon)
     client.create("dying")
-    client.lifeline.close()
-    client.lifeline = None
+    client.local_channel.close()
+    client.local_channel = None
     client.call("ListScenes")  # within the grace time it still answers
 
     def is_over():

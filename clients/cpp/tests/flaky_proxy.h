@@ -20,7 +20,7 @@
 
 namespace heliograph::client {
 
-/// Connect to address() instead of the daemon's; the second socket is the daemon's own.
+/// Connect to address() instead of the daemon's; the local channel is the daemon's own.
 class FlakyProxy {
  public:
   explicit FlakyProxy(const std::string& daemon) : daemon_(daemon.substr(std::strlen("unix://"))) {

@@ -52,7 +52,7 @@ pid_t listener_of(const std::string& address) {
   return peer.pid;
 }
 
-/// An address whose second socket gives a ticket that no daemon knows, once; then it is the
+/// An address whose local channel gives a ticket that no daemon knows, once; then it is the
 /// daemon's.
 class StaleTicket {
  public:

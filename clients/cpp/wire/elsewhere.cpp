@@ -1,7 +1,7 @@
 // What only Linux has, refused elsewhere: Unix sockets with tickets, and private daemons.
 #include "heliograph/error.h"
 #include "wire/launch.h"
-#include "wire/lifeline.h"
+#include "wire/local_channel.h"
 
 namespace heliograph::client::wire {
 namespace {
@@ -14,8 +14,8 @@ namespace {
 
 }  // namespace
 
-Lifeline::Lifeline(const std::string&, double) { refuse(); }
-Lifeline::~Lifeline() = default;
+LocalChannel::LocalChannel(const std::string&, double) { refuse(); }
+LocalChannel::~LocalChannel() = default;
 
 struct PrivateDaemon::Process {};
 PrivateDaemon::PrivateDaemon(const LaunchOptions&) { refuse(); }

@@ -147,15 +147,15 @@ void Session::start(std::uint64_t resumed, Patience patience) {
     server_ = reply.server();
   }
   ++openings_;
-  if (!lifeline_) keep();
+  if (!local_channel_) keep();
 }
 
 v1::OpenSessionReply Session::begin(std::uint64_t resumed, Patience& patience) {
   if (socket_.empty()) return open("", resumed, patience.left());
   for (;;) {
-    lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", patience.left());
+    local_channel_ = std::make_unique<LocalChannel>(socket_ + ".fd.sock", patience.left());
     try {
-      return open(lifeline_->ticket(), resumed, patience.left());
+      return open(local_channel_->ticket(), resumed, patience.left());
     } catch (const ClientError& error) {
       // A ticket that is not known is of a daemon that ended before it was used.
       if (error.details().field != "ticket" || !patience.wait()) throw;
@@ -288,7 +288,7 @@ void Session::close() {
   if (closed_.exchange(true)) return;
   for (const auto& lane : lanes_) lane->close();
   if (!session_.empty()) {
-    // Should it fail: the end of the lifeline frees the same things.
+    // Should it fail: the end of the local channel frees the same things.
     grpc::ClientContext context;
     context.set_deadline(in_seconds(2));
     authorize(context);
@@ -298,7 +298,7 @@ void Session::close() {
   {
     const std::lock_guard lock(opening_);
     stop_keeping();
-    lifeline_.reset();
+    local_channel_.reset();
   }
   if (daemon_) daemon_->stop();
 }

@@ -1,4 +1,4 @@
-// One session with a daemon: channel, lifeline, typed errors, retries. Used by all that calls.
+// One session with a daemon: channel, local channel, typed errors, retries. Used by all that calls.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -21,7 +21,7 @@
 #include "heliograph/error.h"
 #include "heliograph/v1/service.grpc.pb.h"
 #include "wire/launch.h"
-#include "wire/lifeline.h"
+#include "wire/local_channel.h"
 
 namespace heliograph::client::wire {
 
@@ -61,7 +61,7 @@ class Patience {
   std::chrono::milliseconds delay_{20};
 };
 
-/// Owns: channel, lifeline, private daemon. Thread: any. Every call throws ClientError.
+/// Owns: channel, local channel, private daemon. Thread: any. Every call throws ClientError.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   using Stub = v1::Renderer::Stub;
@@ -146,7 +146,7 @@ class Session : public std::enable_shared_from_this<Session> {
   v1::GetServerInfoReply server_;
   std::atomic<std::uint64_t> openings_{0};
   std::mutex opening_;  // of what follows, up to keep_
-  std::unique_ptr<Lifeline> lifeline_;
+  std::unique_ptr<LocalChannel> local_channel_;
   // Over TCP a stream carries the session; nothing ever arrives on it.
   std::unique_ptr<grpc::ClientContext> keep_context_;
   std::unique_ptr<grpc::ClientReader<v1::KeepSessionReply>> keep_;

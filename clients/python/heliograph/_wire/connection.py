@@ -191,7 +191,7 @@ class Connection:
         with self._lock:
             link, self._link, closed, self.closed = self._link, None, self.closed, True
         if link is not None and link.pid == os.getpid():
-            # Should it fail: the end of the lifeline, next line, frees the same things.
+            # Should it fail: the end of the local channel, next line, frees the same things.
             with contextlib.suppress(grpc.RpcError):
                 link.method("CloseSession")(
                     service.CloseSessionRequest(), timeout=2, metadata=link.metadata

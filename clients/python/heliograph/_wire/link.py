@@ -1,4 +1,4 @@
-"""One session with a daemon over one channel, and its lifeline. Used by connection.py."""
+"""One session with a daemon over one channel, and its local channel. Used by connection.py."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .._version import __version__
 from ..errors import FailedPrecondition, Unavailable
 from ._proto import service_pb2 as service
 from .access import Access
-from .quick import QuickLine, open_quick_line
+from .quick import FastPathConnection, open_fast_path
 from .shared import share_frames
 from .start import Deadline
 from .status import status_error, to_error
@@ -56,9 +56,9 @@ def _check_api(server: service.GetServerInfoReply) -> None:
         )
 
 
-class Lifeline(socket.socket):
-    """The second socket of a session. Whoever holds it, as a frame in shared memory does, keeps the
-    session, and a private daemon; it closes when nobody does."""
+class LocalChannel(socket.socket):
+    """The socket that keeps a session, and a private daemon, alive. Frames in shared memory refer
+    to it too; it closes with the last reference."""
 
     daemon: Any = None
 
@@ -77,8 +77,8 @@ class Link:
         self._resume = resume  # the session of before the daemon was restarted
         self._calls: dict[tuple[str, bool], Any] = {}
         self._session: tuple[tuple[str, str], ...] = ()
-        self._lifeline: Lifeline | None = None
-        self.quick: QuickLine | None = None
+        self._local_channel: LocalChannel | None = None
+        self.quick: FastPathConnection | None = None
         self._keep: Any = None
         self._keeper: threading.Thread | None = None
         self.channel = access.channel()
@@ -96,7 +96,7 @@ class Link:
         another."""
         patience = Patience(self._deadline.left())
         while True:
-            ticket = self._connect_lifeline(path + ".fd.sock") if path else b""
+            ticket = self._connect_local_channel(path + ".fd.sock") if path else b""
             try:
                 return self._open_session(ticket)
             except grpc.RpcError as error:
@@ -104,33 +104,33 @@ class Link:
                     raise
 
     def _share(self) -> None:
-        """What the second socket is for besides the session."""
-        self.shared = share_frames(self._lifeline, self.server.capabilities)
-        self.quick = open_quick_line(self._lifeline, self.server.capabilities)
-        if self._lifeline is not None:
-            self._lifeline.settimeout(RETRY_SECONDS)
+        """Sets up what else the local channel carries: shared buffers and quick calls."""
+        self.shared = share_frames(self._local_channel, self.server.capabilities)
+        self.quick = open_fast_path(self._local_channel, self.server.capabilities)
+        if self._local_channel is not None:
+            self._local_channel.settimeout(RETRY_SECONDS)
 
-    def _connect_lifeline(self, path: str) -> bytes:
-        """The second socket: the session lives as long as it does. Returns the one-time ticket."""
+    def _connect_local_channel(self, path: str) -> bytes:
+        """Connects the socket that keeps the session alive. Returns the one-time ticket."""
         if not hasattr(socket, "AF_UNIX"):
             raise Unavailable("unix: addresses are for Linux; connect to host:port")
-        lifeline = Lifeline(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        local_channel = LocalChannel(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            lifeline.settimeout(self._deadline.left())
-            lifeline.connect(path)
-            ticket = lifeline.recv(4096)
+            local_channel.settimeout(self._deadline.left())
+            local_channel.connect(path)
+            ticket = local_channel.recv(4096)
         except TimeoutError:
-            lifeline.close()
+            local_channel.close()
             raise self._silent(path) from None
         except OSError as error:
-            lifeline.close()
+            local_channel.close()
             raise Unavailable(_unreachable(path, error)) from None
         if len(ticket) != _TICKET_BYTES:
-            lifeline.close()
+            local_channel.close()
             raise Unavailable(f"{path} gave no ticket; is it a heliographd socket of this version?")
-        if self._lifeline:
-            self._lifeline.close()
-        self._lifeline = lifeline
+        if self._local_channel:
+            self._local_channel.close()
+        self._local_channel = local_channel
         return ticket
 
     def _open_session(self, ticket: bytes) -> None:
@@ -169,8 +169,8 @@ class Link:
 
     def keep(self, daemon: Any) -> None:
         """A private daemon lives as long as what refers to the session."""
-        if self._lifeline is not None:
-            self._lifeline.daemon = daemon
+        if self._local_channel is not None:
+            self._local_channel.daemon = daemon
 
     def ask_quickly(
         self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
@@ -233,16 +233,16 @@ class Link:
 
     def abandon(self) -> None:
         """In a forked child: leaves the parent's channel alone for ever, closes our copy of the
-        lifeline. Closing or freeing the channel here would hang, so it is made immortal."""
+        local channel. Closing or freeing the channel here would hang, so it is made immortal."""
         for thing in (self.channel, self._calls, self._keep):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
         if self.quick is not None:
             self.quick.close()
-        if self._lifeline:
-            self._lifeline.close()
+        if self._local_channel:
+            self._local_channel.close()
 
     def __del__(self) -> None:
-        """Nobody refers to the session: it ends. Over a Unix socket the lifeline does that."""
+        """Nobody refers to the session: it ends. Over a Unix socket the local channel does that."""
         keep = getattr(self, "_keep", None)
         if keep is not None and self.pid == os.getpid():
             keep.cancel()
@@ -252,8 +252,8 @@ class Link:
             self._keep.cancel()
         if self.quick is not None:
             self.quick.end()
-        if self._lifeline:
-            self._lifeline.close()
+        if self._local_channel:
+            self._local_channel.close()
         self.channel.close()
 
 

@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 CAPABILITY = "shared_memory"
 _WORD = struct.Struct("=QQ")
-_UUID_BYTES = 16  # behind the word of a new buffer in a GPU's memory
+_UUID_BYTES = 16  # after the message of a new buffer in a GPU's memory
 _WISH = _WORD.pack(0, 0)
-_NEVER = 0  # behind a generation: nobody can tell when its use is over
-_UNMAPPED = (1 << 64) - 1  # behind a buffer: it is mapped no more
-_SPARE_BYTES = 256 << 20  # of buffers without a frame: they stay mapped for the next ones
+_NEVER = 0  # after a generation: it will never be returned
+_UNMAPPED = (1 << 64) - 1  # after a buffer: it is unmapped
+_SPARE_BYTES = 256 << 20  # of buffers without a frame that stay mapped for reuse
 
 
 def share_frames(
-    lifeline: socket.socket | None, capabilities: Iterable[str]
+    local_channel: socket.socket | None, capabilities: Iterable[str]
 ) -> SharedFrames | None:
-    """Where a session's frames are mapped; None: they come as bytes."""
-    if lifeline is None or CAPABILITY not in capabilities:
+    """Returns the mapped buffers of a session; None: frames come as bytes."""
+    if local_channel is None or CAPABILITY not in capabilities:
         return None
-    return SharedFrames(lifeline)
+    return SharedFrames(local_channel)
 
 
 class Arena:
@@ -59,18 +59,18 @@ class Arena:
 class SharedFrames:
     """The mapped buffers of one session. Thread: any."""
 
-    def __init__(self, lifeline: socket.socket) -> None:
-        self._lifeline = lifeline
+    def __init__(self, local_channel: socket.socket) -> None:
+        self._local_channel = local_channel
         self._pid = os.getpid()
         self._lock = threading.Lock()  # of _maps and of reading the socket
         self._maps: dict[int, Arena | cuda.Mapping] = {}
         self._leases: dict[tuple[int, int], weakref.ref[NdArray | DeviceLease]] = {}
         self._unsent: deque[bytes] = deque()
-        self._in_use: deque[tuple[cuda.Fence, bytes]] = deque()  # words to be sent after a fence
+        self._in_use: deque[tuple[cuda.Fence, bytes]] = deque()  # messages to send after a fence
         self._numbers = itertools.count(1)  # of buffers handed over
         try:
-            lifeline.send(_WISH)
-            answer = lifeline.recv(_WORD.size)  # the same: from now on
+            local_channel.send(_WISH)
+            answer = local_channel.recv(_WORD.size)  # the same: from now on
         except OSError:
             answer = b""
         if not answer:
@@ -81,7 +81,7 @@ class SharedFrames:
     def plane(
         self, place: types.BufferRef, dtype: np.dtype[Any], shape: Sequence[int]
     ) -> NdArray | DeviceArray:
-        """What a chunk names, read-only. It is leased while it lives."""
+        """Returns the array that a chunk names, read-only. It is leased while it lives."""
         self._give_back_unused()
         key = (place.buffer, place.generation)
         known = self._leases.get(key)
@@ -115,7 +115,7 @@ class SharedFrames:
             number = next(self._numbers)
         fd = _sealed_copy(data)
         try:
-            socket.send_fds(self._lifeline, [_WORD.pack(number, data.nbytes)], [fd])
+            socket.send_fds(self._local_channel, [_WORD.pack(number, data.nbytes)], [fd])
         except OSError as error:
             raise Unavailable(f"the daemon's second socket ended: {error}") from None
         finally:
@@ -123,28 +123,28 @@ class SharedFrames:
         return types.BufferRef(buffer=number, size=data.nbytes)
 
     def mapping(self, buffer: int) -> cuda.Mapping:
-        """Where a buffer that the daemon lent lies here."""
+        """Returns the mapping of a buffer that the daemon lent."""
         found = self._map(buffer, _NEVER)
         if not isinstance(found, cuda.Mapping):
             raise Internal("the daemon lent memory of the host")
         return found
 
     def give_back(self, place: types.BufferRef) -> None:
-        """Of a buffer that the daemon lent."""
+        """Returns a buffer that the daemon lent."""
         self._send(_WORD.pack(place.buffer, place.generation))
 
     def _map(self, buffer: int, generation: int) -> Arena | cuda.Mapping:
         with self._lock:
             while buffer not in self._maps:
-                self._hear()
+                self._poll()
             found = self._maps[buffer]
             if isinstance(found, Arena):
                 found.used.add(generation)
             return found
 
-    def _hear(self) -> None:
-        """One word of the daemon: a new buffer, or one to forget."""
-        word, fds, _, _ = socket.recv_fds(self._lifeline, _WORD.size + _UUID_BYTES, 1)
+    def _poll(self) -> None:
+        """Reads one message of the daemon: a new buffer, or one to forget."""
+        word, fds, _, _ = socket.recv_fds(self._local_channel, _WORD.size + _UUID_BYTES, 1)
         if len(word) < _WORD.size:
             raise Internal("the daemon's second socket ended")
         buffer, size = _WORD.unpack_from(word)
@@ -164,7 +164,7 @@ class SharedFrames:
     def _give_back(
         self, key: tuple[int, int], buffer: Arena | cuda.Mapping, readers: list[cuda.Device]
     ) -> None:
-        """The last array of a lease is gone. Runs in any thread, at any time: waits for no lock."""
+        """Returns a lease whose last array is gone. Thread: any; a finalizer, so it never waits."""
         if os.getpid() != self._pid or self._leases.pop(key, None) is None:
             return
         if isinstance(buffer, Arena):
@@ -178,7 +178,7 @@ class SharedFrames:
         self._give_back_unused()
 
     def _give_back_unused(self) -> None:
-        """Of those in a GPU's memory the ones that it reads no more."""
+        """Returns the leases in a GPU's memory whose fence the GPU has passed."""
         for _ in range(len(self._in_use)):
             try:
                 fence, word = self._in_use.popleft()
@@ -190,7 +190,7 @@ class SharedFrames:
                 self._in_use.append((fence, word))
 
     def _let_go(self, number: int) -> None:
-        """Of a buffer without frames, where there are more than enough of them."""
+        """Unmaps a buffer without frames where more than _SPARE_BYTES of such are mapped."""
         if not self._lock.acquire(blocking=False):
             return  # with the next one
         try:
@@ -210,7 +210,7 @@ class SharedFrames:
             while True:
                 word = self._unsent.popleft()  # first: other threads and finalizers send too
                 try:
-                    self._lifeline.send(word, socket.MSG_DONTWAIT)
+                    self._local_channel.send(word, socket.MSG_DONTWAIT)
                 except (BlockingIOError, TimeoutError):
                     self._unsent.appendleft(word)  # with the next one
                     return
@@ -218,14 +218,15 @@ class SharedFrames:
             pass  # closed: the daemon knows
 
     def keep_leases(self) -> None:
-        """Before os.fork: a child may look at these arrays longer than this process."""
+        """Called before os.fork: a child may read these arrays longer than this process does,
+        so the daemon must not reuse them."""
         for key in list(self._leases):
             if self._leases.pop(key, None) is not None:
                 self._send(_WORD.pack(key[1], _NEVER))
 
 
 def _sealed_copy(data: memoryview) -> int:
-    """A memfd with these bytes that nobody can change."""
+    """Returns a memfd with these bytes, sealed against changes."""
     import fcntl  # of Linux, as is all that needs it
 
     fd = os.memfd_create("heliograph-array", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)

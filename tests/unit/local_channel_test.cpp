@@ -1,5 +1,5 @@
-// The second socket: what one process may have of it, and that what it sends holds up nobody else.
-#include "server/net/lifeline.h"
+// The local channel: what one process may have of it, and that what it sends holds up nobody else.
+#include "server/net/local_channel.h"
 
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -18,7 +18,7 @@ using std::chrono::milliseconds;
 
 namespace {
 
-/// A second socket in a folder of its own, with a loop that runs in a thread of its own.
+/// A local channel in a folder of its own, with a loop that runs in a thread of its own.
 struct Daemon {
   const std::string folder;
   const std::string path = folder + "/fd.sock";
@@ -28,24 +28,25 @@ struct Daemon {
   });
   const UniqueFd nowhere{::open("/dev/null", O_WRONLY | O_CLOEXEC)};
   const Log log{"off", false, {}, nowhere.get()};
-  std::unique_ptr<Lifelines> lines;
+  std::unique_ptr<LocalChannel> channel;
   std::thread thread;
 
-  explicit Daemon(Lifelines::Limits limits)
+  explicit Daemon(LocalChannel::Limits limits)
       : folder(std::filesystem::temp_directory_path() /
-               ("heliograph-lifeline-" + std::to_string(::getpid()))) {
+               ("heliograph-local-channel-" + std::to_string(::getpid()))) {
     auto listener = listen_unix(path, SOCK_SEQPACKET, std::nullopt);
     REQUIRE(listener);
-    auto started = Lifelines::start(*loop, log, std::move(*listener), limits,
-                                    {[](u64) {}, [](u64, const BufferWord&, const ForeignFd&) {}});
+    auto started =
+        LocalChannel::start(*loop, log, std::move(*listener), limits,
+                            {[](u64) {}, [](u64, const BufferMessage&, const ForeignFd&) {}});
     REQUIRE(started);
-    lines = std::move(*started);
+    channel = std::move(*started);
     thread = std::thread([this] { loop->run(); });
   }
   ~Daemon() {
     loop->quit();
     thread.join();
-    lines.reset();
+    channel.reset();
     std::filesystem::remove_all(folder);
   }
   [[nodiscard]] UniqueFd connect() const {
@@ -70,7 +71,7 @@ std::string received(const UniqueFd& fd) {
 
 }  // namespace
 
-TEST_CASE("lifelines: one process has its share") {
+TEST_CASE("local channel: one process has its share") {
   Daemon daemon({.total = 8, .per_peer = 2});
   auto first = daemon.connect();
   const auto second = daemon.connect();
@@ -86,18 +87,19 @@ TEST_CASE("lifelines: one process has its share") {
   CHECK(ticket.size() == 16);
 }
 
-TEST_CASE("lifelines: one that no session has ends after a while, and its ticket with it") {
+TEST_CASE("local channel: one that no session has ends after a while, and its ticket with it") {
   Daemon daemon({.unbound = std::chrono::seconds(1)});
   const auto bound = daemon.connect(), unbound = daemon.connect();
   const std::string used = received(bound), unused = received(unbound);
-  REQUIRE(daemon.lines->bind(used, 7));
+  REQUIRE(daemon.channel->bind(used, 7));
   CHECK(received(unbound).empty());
-  CHECK_FALSE(daemon.lines->bind(unused, 8));
-  CHECK(daemon.lines->tell(7, {}, nullptr));
-  CHECK(received(bound).size() == sizeof(BufferWord));
+  CHECK_FALSE(daemon.channel->bind(unused, 8));
+  CHECK(daemon.channel->tell(7, {}, nullptr));
+  CHECK(received(bound).size() == sizeof(BufferMessage));
 }
 
-TEST_CASE("lifelines: a process whose descriptors hang is refused, and needs no lane for that") {
+TEST_CASE(
+    "local channel: a process whose descriptors hang is refused, and needs no lane for that") {
   Daemon daemon({});
   Closer& closer = daemon.loop->closer();
   const auto me = u64(::getpid());

@@ -1,4 +1,4 @@
-// The second socket by Unix-domain SOCK_SEQPACKET.
+// The local channel: a Unix-domain SOCK_SEQPACKET connection.
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/un.h>
@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "heliograph/error.h"
-#include "wire/lifeline.h"
+#include "wire/local_channel.h"
 
 namespace heliograph::client::wire {
 namespace {
@@ -24,7 +24,7 @@ constexpr std::size_t kTicketBytes = 16;
 
 }  // namespace
 
-Lifeline::Lifeline(const std::string& path, double seconds) {
+LocalChannel::LocalChannel(const std::string& path, double seconds) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof(address.sun_path)) refuse(path, "the path is too long for a socket");
@@ -50,6 +50,6 @@ Lifeline::Lifeline(const std::string& path, double seconds) {
   ticket_.assign(ticket.data(), std::size_t(size));
 }
 
-Lifeline::~Lifeline() { ::close(socket_); }
+LocalChannel::~LocalChannel() { ::close(socket_); }
 
 }  // namespace heliograph::client::wire
