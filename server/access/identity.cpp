@@ -1,4 +1,4 @@
-// Parsing and asking identities. See identity.h.
+// Parsing and looking up identities. See identity.h.
 #include "server/access/identity.h"
 
 #include <fmt/format.h>
@@ -40,7 +40,7 @@ bool is_name(std::string_view name) {
   return name.size() <= kNameBytes && name.front() != '.' && std::ranges::all_of(name, is_good);
 }
 
-/// 32 bytes of "sha256:" and 64 hexadecimal digits; "" when it is something else.
+/// Decodes "sha256:" and 64 hexadecimal digits into 32 bytes; "" for anything else.
 std::string hash_of(std::string_view word) {
   if (!word.starts_with(kHash) || word.size() != kHash.size() + 64) return "";
   word.remove_prefix(kHash.size());
@@ -58,7 +58,7 @@ std::unexpected<Error> refuse(std::string message) {
   return fail(Code::kInvalidArgument, kFlag, std::move(message));
 }
 
-/// Adds an entry; the same one twice is one.
+/// Adds an entry; adding the same one twice is no error.
 Status put(auto& map, const std::string& key, const std::string& tenant) {
   const auto [entry, is_new] = map.emplace(key, tenant);
   if (is_new || entry->second == tenant) return {};

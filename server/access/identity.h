@@ -1,5 +1,5 @@
-// What the tenants file says: who a caller is, by token, certificate and Unix socket, and what a
-// tenant is given. Read by main, at start and when the file changes; asked by Tenants.
+// The tenants file: which tenant a caller belongs to, by token, certificate or Unix socket, and
+// what a tenant is granted. Read by main at the start and when the file changes; used by Tenants.
 #pragma once
 
 #include <map>
@@ -14,42 +14,42 @@
 
 namespace heliograph::server {
 
-/// What is known of who makes a call. Views live as long as the call.
+/// Identity of the maker of a call. The views live as long as the call.
 struct Caller {
-  bool is_local = false;                  // over the Unix socket
+  bool is_local = false;                  // came over the Unix socket
   std::string_view token;                 // "": none was sent
-  std::vector<std::string_view> names{};  // of its certificate
+  std::vector<std::string_view> names{};  // names of its certificate
 };
 
-/// What a tenant is given.
+/// What a tenant is granted.
 struct Grant {
   double weight = 1;  // its share of the device against other tenants'
-  Limits limits;      // those of a tenant, tenant_*
+  Limits limits;      // only the limits of a tenant, tenant_*, apply
 };
 
-/// Tokens, certificate names and the Unix socket, each with the name of its tenant. Tokens are held
-/// as their SHA-256.
+/// Map of tokens, certificate names and the Unix socket to names of tenants. Tokens are kept as
+/// their SHA-256.
 class Identities {
  public:
-  /// Lines `TENANT token sha256:HEX`, `TENANT certificate NAME`, `TENANT socket`,
-  /// `TENANT weight NUMBER`, `TENANT limit NAME NUMBER`; `#` starts a comment. INVALID_ARGUMENT
-  /// with the line's number, never with what is in it.
+  /// Parses lines `TENANT token sha256:HEX`, `TENANT certificate NAME`, `TENANT socket`, `TENANT
+  /// weight NUMBER`, `TENANT limit NAME NUMBER`; `#` starts a comment. INVALID_ARGUMENT names the
+  /// line's number, never its content.
   [[nodiscard]] static Expected<Identities> parse(std::string_view text);
 
-  /// `hash`: SHA-256 of the token, 32 bytes. ALREADY_EXISTS when another tenant has it.
+  /// Adds a token by its SHA-256, 32 bytes. ALREADY_EXISTS when another tenant has it.
   [[nodiscard]] Status add_token(const std::string& hash, const std::string& tenant);
   [[nodiscard]] Status add_certificate(const std::string& name, const std::string& tenant);
   [[nodiscard]] Status set_socket(const std::string& tenant);
 
-  /// The tenant's name: by the token if one was sent; else by the certificate; else by the socket.
-  /// Null: nobody's, or of names of several tenants.
+  /// Returns the tenant's name: by the token if one was sent, else by the certificate, else by the
+  /// socket. Null when none matches, or the certificate's names match several tenants.
   [[nodiscard]] const std::string* tenant_of(const Caller& caller) const;
   [[nodiscard]] std::set<std::string> tenants() const;
-  /// What its lines say; where they say nothing, weight 1 and these limits.
+  /// Returns a tenant's grant; defaults are weight 1 and `limits`.
   [[nodiscard]] Grant grant_of(const std::string& tenant, const Limits& limits) const;
 
  private:
-  /// What the lines of one tenant say of its grant.
+  /// Grant of one tenant as its lines give it.
   struct Lines {
     std::optional<double> weight;
     std::vector<LimitSetting> limits;
@@ -65,7 +65,7 @@ class Identities {
   std::map<std::string, Lines> lines_;
 };
 
-/// What the tenants file says; without one, all who may use the socket or know the token of
+/// Loads the tenants file; without one, all callers that may use the socket or have the token of
 /// --token-file are one tenant, "local".
 [[nodiscard]] Expected<Identities> load_identities(const Config& config);
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr off_t kMaxBytes = 1 << 20;
 
-/// `secret`: nobody else may read it.
+/// secret   others may not even read it
 Status check_owner(const struct stat& info, bool secret) {
   const bool is_roots = info.st_uid == 0;
   if (!is_roots && info.st_uid != ::geteuid())
@@ -62,7 +62,7 @@ Expected<std::string> read_trusted(const std::string& path, const char* flag) {
 }
 
 FileWatch::FileWatch(std::vector<std::string> paths)
-    : paths_(std::move(paths)), known_(look()), last_(known_) {}
+    : paths_(std::move(paths)), known_(stamp()), last_(known_) {}
 
 void FileWatch::start(EventLoop& loop, std::function<void()> changed) {
   loop_ = &loop;
@@ -70,7 +70,7 @@ void FileWatch::start(EventLoop& loop, std::function<void()> changed) {
   if (!paths_.empty()) again();
 }
 
-std::string FileWatch::look() const {
+std::string FileWatch::stamp() const {
   std::string seen;
   for (const std::string& path : paths_) {
     struct stat info{};
@@ -83,9 +83,9 @@ std::string FileWatch::look() const {
 }
 
 void FileWatch::again() {
-  loop_->after(kLook, [this, alive = std::weak_ptr(alive_)] {
+  loop_->after(kInterval, [this, alive = std::weak_ptr(alive_)] {
     if (alive.expired()) return;
-    std::string seen = look();
+    std::string seen = stamp();
     if (seen != known_ && seen == last_) {
       known_ = seen;
       changed_();

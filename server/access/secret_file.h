@@ -1,4 +1,4 @@
-// Files that hold keys and identities: readable by few, and read again when they change.
+// Files with keys and identities: readable by few, read again when they change.
 #pragma once
 
 #include <functional>
@@ -13,31 +13,33 @@
 namespace heliograph::server {
 
 /// Reads a file that only the daemon's user may read, or that root shares with a group (as mounted
-/// secrets are). PERMISSION_DENIED when others may read or write it; the error is at `flag`.
+/// secrets are). PERMISSION_DENIED, at `flag`, when others may read or write it.
 [[nodiscard]] Expected<std::string> read_secret(const std::string& path, const char* flag);
-/// The same for a file that everybody may read and nobody else may write.
+/// Reads a file that anyone may read and no other user may write. PERMISSION_DENIED, at `flag`,
+/// otherwise.
 [[nodiscard]] Expected<std::string> read_trusted(const std::string& path, const char* flag);
 
-/// Says when files have changed and were then left alone for one look, so that nobody reads them
-/// half written. Thread: the loop's, once it is started.
+/// Watches files by polling their stat(). Reports a change once it has been stable for one
+/// interval, so that no half-written file is read. Thread: the loop's, once started.
 class FileWatch {
  public:
-  static constexpr auto kLook = std::chrono::milliseconds(200);
+  static constexpr auto kInterval = std::chrono::milliseconds(200);
 
-  /// Changes count from now on.
+  /// Takes the files' present state as the base of comparison.
   explicit FileWatch(std::vector<std::string> paths);
   void start(EventLoop& loop, std::function<void()> changed);
 
  private:
-  [[nodiscard]] std::string look() const;
+  [[nodiscard]] std::string stamp() const;
   void again();
 
   const std::vector<std::string> paths_;
-  std::string known_;  // what look() said when they were read last
+  std::string known_;  // stamp() when the files were last read
   std::string last_;
   EventLoop* loop_ = nullptr;
   std::function<void()> changed_;
-  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // the timer checks it
+  std::shared_ptr<int> alive_ =
+      std::make_shared<int>(0);  // expires with this object; the timer checks it
 };
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// Who owns sessions, scenes and work, and what it may use. Asked by the gate.
+// Tenants: owners of sessions, scenes and work, and their quotas. Used by the gate.
 #pragma once
 
 #include <atomic>
@@ -20,18 +20,18 @@ namespace heliograph::server {
 /// An owner with its quotas and its bytes. Thread: any.
 class Tenant {
  public:
-  /// all   totals, of which its own ledger is a part
+  /// all   the totals that its ledger is a part of
   Tenant(u64 id, std::string name, const Limits& limits, const Ledger& all);
 
-  /// From now on this holds. What is used stays used; the weight counts for next jobs.
+  /// Sets its grant. Amounts in use stay; the weight applies to later jobs.
   void give(const Grant& grant);
 
-  const u64 id;  // of this daemon's life
+  const u64 id;  // unique until the daemon ends
   const std::string name;
-  Ledger ledger;  // const but for its limits
+  Ledger ledger;  // constant but for the limits
   Rate edits;
-  Rate samples;  // of all pixels
-  // Its own: that another tenant has the same bytes cannot be seen.
+  Rate samples;  // samples per second, over all pixels
+  // Per tenant, so that a tenant cannot learn that another has the same bytes.
   BlobStore blobs;
   AssetStore assets;
 
@@ -39,11 +39,11 @@ class Tenant {
     return {
         .tenant = id, .weight = weight_, .session = session, .scene = scene, .priority = priority};
   }
-  /// Its share of the device against other tenants'.
+  /// Returns its share of the device relative to other tenants'.
   [[nodiscard]] double weight() const { return weight_; }
-  /// By their names.
+  /// Returns its limits by name.
   [[nodiscard]] std::map<std::string, u64> limits() const;
-  /// What is used, by the limits' names.
+  /// Returns the amounts in use, by the limits' names.
   [[nodiscard]] std::map<std::string, u64> used() const;
 
  private:
@@ -51,28 +51,28 @@ class Tenant {
 };
 using TenantPtr = std::shared_ptr<Tenant>;
 
-/// The tenants of this daemon: identities are told apart here and nowhere else. Thread: any.
+/// The tenants of this daemon; the only place that maps identities to them. Thread: any.
 class Tenants {
  public:
   Tenants(const Limits& limits, Identities identities);
 
-  /// UNAUTHENTICATED, in the same words whatever is missing or wrong.
+  /// Returns the caller's tenant. UNAUTHENTICATED, with one message for every reason.
   [[nodiscard]] Expected<TenantPtr> of(const Caller& caller) const;
-  /// The tenant of that name, who has what it is given from now on; it may have no identity, only
-  /// durable scenes.
+  /// Returns the tenant of that name with its present grant, making it if need be: it may have
+  /// durable scenes and no identity.
   [[nodiscard]] TenantPtr named(const std::string& name);
-  /// From now on these identities and grants hold. Returns the tenants that have none any more.
+  /// Replaces identities and grants. Returns the tenants that no longer have an identity.
   [[nodiscard]] std::vector<TenantPtr> replace(Identities identities);
-  /// Whether there is more than one.
+  /// Returns true when there is more than one tenant.
   [[nodiscard]] bool are_several() const;
   [[nodiscard]] std::vector<TenantPtr> all() const;
-  /// What all use together.
+  /// Returns the totals.
   [[nodiscard]] const Ledger& ledger() const { return all_; }
 
  private:
   // Both under mutex_.
-  TenantPtr& give(const std::string& name);  // the tenant, made if need be, has its grant
-  void give_all();                           // those that identities_ names, and that were there
+  TenantPtr& give(const std::string& name);  // finds or makes the tenant and applies its grant
+  void give_all();                           // to tenants that identities_ names, and existing ones
 
   const Limits limits_;
   const Ledger all_;

@@ -7,7 +7,7 @@
 
 namespace heliograph::server {
 
-/// Reads the token file, or makes it (mode 0600, 32 random bytes in hexadecimal).
+/// Reads the token file, or creates it (mode 0600, 32 random bytes in hexadecimal).
 /// PERMISSION_DENIED when others may read it.
 [[nodiscard]] Expected<std::string> load_token(const std::string& path);
 

@@ -1,4 +1,4 @@
-// Identity before bytes: who has none over TCP is refused by the headers of a call. Used by
+// Early authentication: a TCP call without an identity is refused by its headers. Used by
 // grpc_server.cpp.
 #pragma once
 
@@ -9,8 +9,8 @@
 
 namespace heliograph::server {
 
-/// Asked by gRPC once the headers of a call are there, before it reads a byte of its message: so a
-/// stranger fills none of its buffers. The gate decides again, by session and tenant. Thread: any.
+/// Called by gRPC once a call's headers have arrived, before it reads the message: strangers fill
+/// no buffers. The gate checks again, with session and tenant. Thread: any.
 class Doorkeeper final : public grpc::AuthMetadataProcessor {
  public:
   Doorkeeper(const Tenants& tenants, Metrics& metrics) : tenants_(tenants), metrics_(metrics) {}

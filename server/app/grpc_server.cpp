@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kSendBytes = 64 << 20;
 constexpr int kMaxThreads = 64;
-constexpr int kHandshakeMs = 4'000;  // of TLS and HTTP/2
+constexpr int kHandshakeMs = 4'000;  // timeout of the TLS and HTTP/2 handshakes
 
 void add_arguments(grpc::ServerBuilder& builder, const Limits& limits, u64 quota_bytes) {
   builder.SetMaxReceiveMessageSize(int(limits.message_bytes));
@@ -38,9 +38,9 @@ void add_arguments(grpc::ServerBuilder& builder, const Limits& limits, u64 quota
   builder.SetResourceQuota(quota);
 }
 
-std::atomic<const Log*> log_of_grpc = nullptr;  // of the daemon, while there is a server
+std::atomic<const Log*> log_of_grpc = nullptr;  // the daemon's log, while a server exists
 
-/// Whether it arrived at 127.0.0.1 or ::1.
+/// Returns true for a connection to 127.0.0.1 or ::1.
 bool is_first_loopback(int connection) {
   sockaddr_storage storage{};
   socklen_t size = sizeof storage;
@@ -52,7 +52,7 @@ bool is_first_loopback(int connection) {
          IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(&storage)->sin6_addr);
 }
 
-/// Its own writes to stderr, and waits for whoever reads it.
+/// Passes gRPC's log to the daemon's: gRPC's own would write to stderr and may block.
 void write_log(gpr_log_func_args* line) {
   const Log* log = log_of_grpc;
   if (log) log->warning("gRPC", {{"says", line->message}, {"file", line->file}});
@@ -77,7 +77,8 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start_local(Daemon& daemon) {
 Expected<std::unique_ptr<GrpcServer>> GrpcServer::start_tcp(Daemon& daemon, Credentials tls) {
   std::unique_ptr<GrpcServer> made(new GrpcServer(daemon));
   grpc::ServerBuilder builder;
-  // Of plain TCP these alone ask a doorkeeper; they take what arrives at 127.0.0.1 or ::1.
+  // The only plain TCP credentials that ask an auth processor; they accept connections to 127.0.0.1
+  // and ::1.
   Credentials guarded =
       tls ? std::move(tls) : grpc::experimental::LocalServerCredentials(LOCAL_TCP);
   guarded->SetAuthMetadataProcessor(std::make_shared<Doorkeeper>(daemon.tenants, daemon.metrics));
@@ -89,7 +90,7 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start_tcp(Daemon& daemon, Cred
 }
 
 Status GrpcServer::build(grpc::ServerBuilder& builder, Daemon& daemon, u64 quota_bytes) {
-  // Never undone: gRPC's own end waits for a thread that polls for up to 10 s.
+  // Never shut down: gRPC's shutdown waits up to 10 s for a polling thread.
   ::grpc_init();
   log_of_grpc = &daemon.log;
   ::gpr_set_log_function(write_log);

@@ -1,4 +1,4 @@
-// The gRPC server without a listener of its own: connections come from our accept loop.
+// A gRPC server without listeners: connections come from our accept loop.
 #pragma once
 
 #include <grpcpp/server.h>
@@ -13,33 +13,34 @@
 
 namespace heliograph::server {
 
-/// The name under which the health service tells readiness; "" is liveness.
+/// Name of readiness in the health service; "" is liveness.
 inline constexpr const char* kRendererName = "heliograph.v1.Renderer";
 
-/// Whether durable scenes take edits; unknown to the health service where there can be none.
+/// Name in the health service of whether durable scenes accept edits; unknown to it where there can
+/// be none.
 inline constexpr const char* kDurableName = "heliograph.v1.Durable";
 
-/// Owns: a server of gRPC and its threads. The Unix socket and TCP have one each, because what may
-/// be buffered is a server's: whoever fills the one of TCP ends no connection of the other.
-/// Thread: the loop's, but where it says more.
+/// Owns: a gRPC server and its threads. The Unix socket and TCP have one each, because buffer
+/// limits are per server: filling TCP's buffers ends no local connection. Thread: the loop's,
+/// unless stated.
 class GrpcServer {
  public:
-  /// What connections over TCP pass first: null of TLS, without it.
+  /// Credentials of TCP connections: null: no TLS.
   using Credentials = std::shared_ptr<grpc::ServerCredentials>;
 
-  /// INTERNAL when gRPC does not start.
+  /// Starts a server. INTERNAL when gRPC does not start.
   [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start_local(Daemon& daemon);
   [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start_tcp(Daemon& daemon,
                                                                        Credentials tls);
   ~GrpcServer();
 
   void serve(UniqueFd connection);
-  /// What the health service says of "heliograph.v1.Renderer", of "", and of
+  /// Set the health service's status of "heliograph.v1.Renderer", of "", and of
   /// "heliograph.v1.Durable". Thread: any.
   void set_ready(bool is_ready);
   void set_live(bool is_live);
   void set_durable(bool is_writing);
-  /// Ends the calls that are left after `grace`.
+  /// Ends the server; calls still running after `grace` are cancelled.
   void shutdown(std::chrono::milliseconds grace);
 
  private:
@@ -53,7 +54,7 @@ class GrpcServer {
   std::unique_ptr<Reflection> reflection_;
   // The acceptors must outlive the server.
   std::unique_ptr<Acceptor> acceptor_;
-  std::unique_ptr<Acceptor> exposed_;  // TCP without TLS at an address that others reach
+  std::unique_ptr<Acceptor> exposed_;  // TCP without TLS at addresses other than loopback
   std::unique_ptr<grpc::Server> server_;
 };
 

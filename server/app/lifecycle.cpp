@@ -1,4 +1,4 @@
-// The life of the daemon, in order. See lifecycle.h.
+// Start, run and end of the daemon. See lifecycle.h.
 #include "server/app/lifecycle.h"
 
 #include <poll.h>
@@ -22,8 +22,8 @@
 #include "server/net/socket_files.h"
 
 extern "C" {
-// jemalloc's, which reads it before main(): freed pages go back to the system after a second, those
-// of large pieces at once, as each thread's arena would keep some of them.
+// Options of jemalloc, which reads this before main(): freed pages return to the system after 1 s,
+// those of large allocations at once, since each thread's arena would keep some.
 extern const char* const malloc_conf;
 const char* const malloc_conf =
     "background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0,oversize_threshold:2097152";
@@ -36,14 +36,15 @@ using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
-constexpr double kUnheardSeconds = 2;  // the loop owes an answer, and a signal waits
-constexpr unsigned kLastSeconds = 8;   // for the device, the disk and whatever else has to end
+constexpr double kUnheardSeconds =
+    2;  // stall of the loop after which a pending signal is handled without it
+constexpr unsigned kLastSeconds = 8;  // time limit for device, disk and the rest to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
 
-/// Everything that runs, once the sockets listen.
+/// Everything that runs once the sockets listen.
 class Life {
  public:
-  /// `tls`: null without TLS.
+  /// tls   null without TLS
   Life(Daemon& daemon, std::unique_ptr<Tls> tls)
       : daemon_(daemon), tls_(std::move(tls)), quick_calls_(daemon) {}
 
@@ -61,7 +62,7 @@ class Life {
   [[nodiscard]] Status watch_owner();
   void on_signal();
   void start_watchdog();
-  void look_without_loop(double still_seconds);
+  void tick_without_loop(double still_seconds);
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
@@ -82,7 +83,7 @@ class Life {
   bool is_draining_ = false;
   bool is_hurried_ = false;  // by a second signal
   std::optional<EventLoop::Clock::time_point>
-      unheard_;  // since when a signal waits; the watchdog's
+      unheard_;  // since when a signal is pending; accessed by the watchdog
   int exit_code_ = kExitOk;
 };
 
@@ -101,9 +102,9 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));
   HELIO_TRY(start_grpc());
-  daemon_.watch.start(*daemon_.loop);
-  daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
-                                         .lost = [this] { on_lost(); }});
+  daemon_.stall_monitor.start(*daemon_.loop);
+  daemon_.health.start(*daemon_.engine, {.on_ready = [this](bool is_ready) { on_ready(is_ready); },
+                                         .on_lost = [this] { on_lost(); }});
   try_decoder(daemon_);
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
@@ -137,7 +138,7 @@ void Life::on_buffer_message(u64 id, const BufferMessage& word, ForeignFd fd) {
   if (!session) return;
   if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
   if (fd) {
-    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd.get());
+    const bool is_good = session->arrays().shared().take(word.buffer, word.number, fd.get());
     if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd.get());
     return;
   }
@@ -153,7 +154,7 @@ void Life::on_buffer_message(u64 id, const BufferMessage& word, ForeignFd fd) {
   if (!frames) return;
   if (word.number == 0) return frames->give_up(word.buffer);
   if (word.number != BufferMessage::kUnmapped) return frames->give_back(word.buffer, word.number);
-  // To give an arena's pages back takes milliseconds.
+  // Returning an arena's pages to the kernel takes milliseconds.
   if (auto freed = frames->unmapped(word.buffer))
     (void)daemon_.pool.post(session->tenant()->id, [freed = std::move(freed)] {});
 }
@@ -238,17 +239,17 @@ void Life::start_watchdog() {
       {{"calls", Needs::kReadiness, [this] { return daemon_.gate.reactions().longest_seconds(); }},
        {"pool", Needs::kLiveness, [this] { return daemon_.pool.still_seconds(); }},
        {"log", Needs::kNothing, [this] { return daemon_.log.still_seconds(); }}},
-      {.ready = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
-       .live =
+      {.on_fault = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
+       .on_live =
            [this](bool is_live) {
              for (GrpcServer* server : servers()) server->set_live(is_live);
            },
-       .looked = [this](double still) { look_without_loop(still); }});
+       .on_tick = [this](double still) { tick_without_loop(still); }});
 }
 
-/// A loop that stands still hears no signal: the watchdog drains in its place, with what needs none
-/// of it. One that moves again hears the signal itself.
-void Life::look_without_loop(double still_seconds) {
+/// Drains in place of a stalled loop, which does not see the signal, using only what works without
+/// the loop. A loop that resumes handles the signal itself.
+void Life::tick_without_loop(double still_seconds) {
   pollfd signal{.fd = signals_.get(), .events = POLLIN, .revents = 0};
   if (still_seconds < kUnheardSeconds || ::poll(&signal, 1, 0) != 1) return unheard_.reset();
   const auto now = EventLoop::Clock::now();
@@ -295,7 +296,7 @@ void Life::on_ready(bool is_ready) {
 void Life::on_lost() {
   daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
   exit_code_ = kExitDevice;
-  daemon_.watchdog.stop();  // saving holds the loop
+  daemon_.watchdog.stop();  // saving blocks the loop
   daemon_.save_scenes();
   daemon_.loop->quit();
 }
@@ -306,8 +307,8 @@ int Life::run() {
   return exit_code_;
 }
 
-/// Jobs are cancelled first, so that every call can end before gRPC does. A device or a disk that
-/// hangs cannot be waited for.
+/// Ends everything. Cancels jobs first, so that every call can end before gRPC does; a hanging
+/// device or disk is not waited for beyond kLastSeconds.
 void Life::end() {
   is_hurried_ ? hurry() : end_within(kLastSeconds);
   hurry_at_signal();
@@ -370,7 +371,7 @@ int run(Config config) {
   }
   const std::vector<Fitted> fitted = fit(config, this_machine());
   Daemon daemon(std::move(config), std::move(*identities), std::move(*loop));
-  daemon.tell_fitted(fitted);
+  daemon.log_fitted(fitted);
   daemon.asset_root = std::move(root);
   if (!daemon.config.state_dir.empty())
     if (auto opened = daemon.open_journal(); !opened) return refuse(opened.error());

@@ -1,4 +1,5 @@
-// From listening to exit: sockets, signals, the owner, readiness and drain. Called by main.
+// The daemon from listening to exit: sockets, signals, the owner, readiness and drain. Called by
+// main.
 #pragma once
 
 #include "server/config/config.h"

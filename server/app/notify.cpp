@@ -19,7 +19,7 @@ void notify_supervisor(const std::string& state) {
   address.sun_family = AF_UNIX;
   if (path.empty() || path.size() >= sizeof address.sun_path) return;
   path.copy(address.sun_path, path.size());
-  if (path.front() == '@') address.sun_path[0] = '\0';  // of the abstract kind
+  if (path.front() == '@') address.sun_path[0] = '\0';  // an abstract socket
   const UniqueFd fd(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const auto size = socklen_t(offsetof(sockaddr_un, sun_path) + path.size());
   [[maybe_unused]] const auto sent =

@@ -1,4 +1,4 @@
-// What systemd is told of a unit of Type=notify. Called by lifecycle.cpp.
+// Notifications to systemd for a unit of Type=notify. Called by lifecycle.cpp.
 #pragma once
 
 #include <string>

@@ -18,14 +18,14 @@ using Response = Reflection::Response;
 
 const pb::FileDescriptor& contract() { return *v1::GetServerInfoRequest::descriptor()->file(); }
 
-/// The file, if it is one of the contract or of the details of its errors.
+/// Returns the file if it belongs to the contract or to the details of its errors, else null.
 const pb::FileDescriptor* if_ours(const pb::FileDescriptor* file) {
   const bool is_ours = file != nullptr &&
                        (file->package() == contract().package() || file->package() == "google.rpc");
   return is_ours ? file : nullptr;
 }
 
-/// Service, message or enum of the contract, by its full name.
+/// Finds the file of a service, message or enum of the contract by its full name.
 const pb::FileDescriptor* file_of(const std::string& symbol) {
   return if_ours(contract().pool()->FindFileContainingSymbol(symbol));
 }

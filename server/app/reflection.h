@@ -1,5 +1,5 @@
-// Server reflection: tells callers that the gate lets in what the protocol is. Made by
-// grpc_server.cpp with --reflection.
+// Server reflection: sends the protocol's descriptors to admitted callers. Made by grpc_server.cpp
+// with --reflection.
 #pragma once
 
 #include "server/app/reflection.grpc.pb.h"
@@ -7,7 +7,7 @@
 
 namespace heliograph::server {
 
-/// Speaks of heliograph.v1 only. Thread: any. (gRPC's own plug-in answers without asking the gate.)
+/// Describes heliograph.v1 only. Thread: any. (gRPC's own plug-in replies without asking the gate.)
 class Reflection final : public grpc::reflection::v1alpha::ServerReflection::CallbackService {
  public:
   using Request = grpc::reflection::v1alpha::ServerReflectionRequest;

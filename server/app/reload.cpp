@@ -14,14 +14,14 @@ std::vector<std::string> named(std::initializer_list<std::string> paths) {
   return kept;
 }
 
-void say_kept(const Daemon& daemon, const Error& error) {
+void log_kept(const Daemon& daemon, const Error& error) {
   daemon.log.error("not taken; what held goes on",
                    {{"flag", error.where}, {"reason", error.message}});
 }
 
 void reload_tenants(Daemon& daemon) {
   auto identities = load_identities(daemon.config);
-  if (!identities) return say_kept(daemon, identities.error());
+  if (!identities) return log_kept(daemon, identities.error());
   for (const TenantPtr& tenant : daemon.tenants.replace(std::move(*identities)))
     daemon.sessions.close_of(*tenant);
   daemon.log.info("tenants read again");
@@ -36,7 +36,7 @@ Reload::Reload(const Config& config)
 void Reload::start(Daemon& daemon, Tls* tls) {
   tenants_.start(*daemon.loop, [&daemon] { reload_tenants(daemon); });
   tls_.start(*daemon.loop, [&daemon, tls] {
-    if (auto taken = tls->reload(); !taken) return say_kept(daemon, taken.error());
+    if (auto taken = tls->reload(); !taken) return log_kept(daemon, taken.error());
     daemon.log.info("certificates read again");
   });
 }

@@ -1,4 +1,4 @@
-// Keys and identities that change while the daemon runs. Made and started by lifecycle.cpp.
+// Reloads keys and identities while the daemon runs. Made and started by lifecycle.cpp.
 #pragma once
 
 #include "server/access/secret_file.h"
@@ -7,12 +7,13 @@
 
 namespace heliograph::server {
 
-/// Owns: the watches of the files. Thread: the loop's, once it is started.
+/// Owns: the watches of the files. Thread: the loop's, once started.
 class Reload {
  public:
-  /// Made before the files are read first: changes count from now on.
+  /// Construct before the files are first read: later changes are noticed.
   explicit Reload(const Config& config);
-  /// `tls`: null without TLS. When a file is wrong, what held goes on holding and the log says why.
+  /// tls   null without TLS
+  /// When a changed file is wrong, the former content stays in force and the log says why.
   void start(Daemon& daemon, Tls* tls);
 
  private:
@@ -20,8 +21,8 @@ class Reload {
   FileWatch tls_;
 };
 
-/// From now on the kernel writes no memory of this process to a core file and lets no process of
-/// the same user read it.
+/// Excludes this process's memory from core dumps, and denies other processes of the same user
+/// access to it.
 void hide_memory();
 
 }  // namespace heliograph::server

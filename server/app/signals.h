@@ -1,18 +1,19 @@
-// SIGTERM and SIGINT: the event loop hears them, and once it has ended they hurry the end.
+// SIGTERM and SIGINT: the event loop handles them; after its end they cut the shutdown short.
 #pragma once
 
 #include "server/os/unique_fd.h"
 
 namespace heliograph::server {
 
-/// Called before any thread starts, so that all inherit it; a signalfd.
+/// Blocks the signals and returns a signalfd. Called before any thread starts, so that all inherit
+/// the mask.
 [[nodiscard]] UniqueFd block_signals();
 
-/// What a second signal asks for: the process ends soon, with kExitOk, whatever hangs. What the
-/// journal acknowledged is on the disk.
+/// Ends the process soon, with kExitOk, whatever hangs: the effect of a second signal. Acknowledged
+/// records of the journal are on the disk.
 void hurry();
 
-/// From now on a signal does that, in the calling thread.
+/// Makes a signal call hurry() from now on, in the calling thread.
 void hurry_at_signal();
 
 }  // namespace heliograph::server

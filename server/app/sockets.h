@@ -1,4 +1,4 @@
-// The sockets that the daemon listens on, before anything of it runs. Called by lifecycle.cpp.
+// Listening sockets of the daemon. Called by lifecycle.cpp.
 #pragma once
 
 #include <optional>
@@ -11,7 +11,7 @@
 
 namespace heliograph::server {
 
-/// Listening sockets, taken before anything slow starts.
+/// The listening sockets, bound before anything slow starts.
 struct Sockets {
   ListeningSocket main;
   ListeningSocket local_channel;

@@ -7,15 +7,14 @@
 
 #include "server/calls/call_scope.h"
 #include "server/calls/service.h"
-#include "server/observe/call_watch.h"
+#include "server/observe/stall_monitor.h"
 
 namespace heliograph::server {
 
-/// One transaction is in work at a time; what the client sends ahead waits in gRPC's window. The
-/// one in work is answered before the call ends.
-/// Lifetime: holds itself until gRPC is done.
+/// Executes one transaction at a time; those sent ahead wait in gRPC's flow-control window. The one
+/// in work gets its reply before the call ends. Lifetime: owns itself until gRPC is done.
 class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>,
-                              public Watched {
+                              public Monitored {
  public:
   [[nodiscard]] static ApplyStreamCall* start(Daemon& daemon, grpc::CallbackServerContext& context,
                                               Call call);
@@ -23,10 +22,10 @@ class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
   void OnDone() override {
-    end_looks();
+    end_ticks();
     self_.reset();
   }
-  void look(EventLoop::Clock::time_point now) override;
+  void on_tick(EventLoop::Clock::time_point now) override;
 
  private:
   ApplyStreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
@@ -44,10 +43,10 @@ class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v
   v1::ApplyReply reply_;
 
   std::mutex mutex_;
-  u32 busy_ = 1;  // with a transaction, its reply, or asking for the next one
+  u32 busy_ = 1;  // operations in progress: a transaction, a reply, a read
   bool is_writing_ = false;
   bool is_finished_ = false;
-  std::optional<Status> result_;  // how it ends, once nothing is busy
+  std::optional<Status> result_;  // status to end with, once busy_ is 0
 };
 
 }  // namespace heliograph::server

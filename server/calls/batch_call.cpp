@@ -10,11 +10,11 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kItemBytes = 1024;  // what an item costs besides its message
+constexpr u64 kItemBytes = 1024;  // memory per item beyond its message
 
 }  // namespace
 
-/// One item: a request, then a job, then its frames and status.
+/// An item: a request, then a job, then its frames and status.
 class BatchCall::Item final : public JobSink, public std::enable_shared_from_this<Item> {
  public:
   Item(std::shared_ptr<BatchCall> call, v1::RenderBatchRequest request)
@@ -22,7 +22,7 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
 
   [[nodiscard]] u64 tag() const { return request_.tag(); }
   [[nodiscard]] u64 bytes() const { return request_.ByteSizeLong() + kItemBytes; }
-  /// Takes time, so on the work pool.
+  /// Starts the item. May take long: runs on the work pool.
   void start() {
     if (auto started = submit_job(); !started) done(started, {});
   }
@@ -36,7 +36,7 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
     call_->on_done(shared_from_this());
   }
 
-  // After done().
+  // Valid after done().
   [[nodiscard]] const Status& status() const { return status_; }
   [[nodiscard]] std::deque<OutgoingFrame>& frames() { return frames_; }
 
@@ -71,7 +71,7 @@ BatchCall* BatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context
   made->self_ = made;
   made->counted_ = std::move(counted);
   made->waiting_charge_ = Charge::none(made->scope_.session()->tenant()->ledger.bytes);
-  daemon.watch.add(made);
+  daemon.stall_monitor.add(made);
   made->StartRead(&made->request_);
   return made.get();
 }
@@ -99,7 +99,7 @@ Status BatchCall::take(v1::RenderBatchRequest request) {
   HELIO_TRY(check_own_fields(request));
   const Limits& limits = daemon_.config.limits;
   const std::lock_guard lock(mutex_);
-  if (result_) return {};  // nobody answers it; an item kept here would keep the call
+  if (result_) return {};  // it will get no reply; an item kept here would keep the call alive
   u64 credits = request.credits();
   if (window_ == 0 && credits == 0) credits = kDefaultCredits;
   HELIO_TRY(check_credits(credits + credits_ + outstanding(), limits));
@@ -116,10 +116,10 @@ Status BatchCall::take(v1::RenderBatchRequest request) {
   return {};
 }
 
-/// Nobody can return credits any more: they come back as items are sent.
+/// The client can return credits no more: from now on each sent item returns one.
 void BatchCall::end_reading() {
   const std::lock_guard lock(mutex_);
-  is_read_ = true;
+  client_half_closed_ = true;
   credits_ = std::max(window_, outstanding()) - outstanding();
 }
 
@@ -151,14 +151,14 @@ void BatchCall::on_done(ItemPtr item) {
     if (!is_writing_ && done_.empty()) standstill_.moved();
     --in_work_;
     const Status& status = item->status();
-    // The deadline is the whole batch's: who waits for it learns so, whoever looked first.
+    // The deadline applies to the whole batch: the client learns so, whichever check notices first.
     if (!status && status.error().code == Code::kDeadlineExceeded) close(status);
     done_.push_back(std::move(item));
   }
   pump();
 }
 
-/// Starts the next write, or finishes. The one place that does either.
+/// Starts the next write, or finishes; the only place that does either.
 void BatchCall::pump() {
   Status result;
   bool is_reply;
@@ -168,13 +168,13 @@ void BatchCall::pump() {
     if (scope_.is_stopped()) close(fail(Code::kCancelled, "", "cancelled by the client"));
     if (result_) waiting_.clear(), done_.clear(), sending_.reset(), cutter_.drop();
     is_reply = next_reply();
-    const bool is_over = in_work_ == 0 && (result_ || (is_read_ && waiting_.empty()));
+    const bool is_over = in_work_ == 0 && (result_ || (client_half_closed_ && waiting_.empty()));
     if (!is_reply && !is_over) return;
     (is_reply ? is_writing_ : is_finished_) = true;
     if (result_) result = *result_;
   }
   if (is_reply) return StartWrite(&reply_);
-  Finish(to_status(scope_.session()->told(result), scope_.context()));
+  Finish(to_status(scope_.session()->with_shutdown_reason(result), scope_.context()));
 }
 
 bool BatchCall::next_reply() {
@@ -196,7 +196,7 @@ bool BatchCall::next_reply() {
   if (const Status& status = sending_->status(); !status)
     *reply_.mutable_status() = to_proto(status.error());
   sending_.reset();
-  if (is_read_) ++credits_;
+  if (client_half_closed_) ++credits_;
   return true;
 }
 
@@ -221,12 +221,12 @@ void BatchCall::OnCancel() {
 }
 
 void BatchCall::OnDone() {
-  end_looks();
+  end_ticks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }
 
-void BatchCall::look(EventLoop::Clock::time_point now) {
+void BatchCall::on_tick(EventLoop::Clock::time_point now) {
   Status known = scope_.check_identity(daemon_.gate);
   bool is_stuck;
   {

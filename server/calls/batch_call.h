@@ -1,4 +1,4 @@
-// RenderBatch: independent items, answered one after another as they are done.
+// RenderBatch: independent items, replied to in order of completion.
 #pragma once
 
 #include <deque>
@@ -6,23 +6,22 @@
 #include "server/calls/call_scope.h"
 #include "server/calls/render_task.h"
 #include "server/calls/service.h"
-#include "server/observe/call_watch.h"
+#include "server/observe/stall_monitor.h"
 
 namespace heliograph::server {
 
-/// Items wait until there is a credit, then are in work, then done with their frames, then sent.
-/// A slow reader costs the frames of as many items as it has credits.
-/// Thread: any; one mutex, never held across a call outwards.
-/// Lifetime: holds itself until gRPC is done; its items hold it.
+/// States of an item: waiting for a credit, in work, done with its frames, sent. A slow reader
+/// holds the frames of at most as many items as it has credits. Thread: any; one mutex, never held
+/// across outward calls. Lifetime: owns itself until gRPC is done; its items own it too.
 class BatchCall final
     : public grpc::ServerBidiReactor<v1::RenderBatchRequest, v1::RenderBatchReply>,
-      public Watched,
+      public Monitored,
       public std::enable_shared_from_this<BatchCall> {
  public:
   using Request = v1::RenderBatchRequest;
   using Reply = v1::RenderBatchReply;
 
-  /// `counted`: its share of the tenant's streams.
+  /// counted   its charge of the tenant's streams
   [[nodiscard]] static BatchCall* start(Daemon& daemon, grpc::CallbackServerContext& context,
                                         Call call, Charge counted);
 
@@ -30,7 +29,7 @@ class BatchCall final
   void OnWriteDone(bool ok) override;
   void OnCancel() override;
   void OnDone() override;
-  void look(EventLoop::Clock::time_point now) override;
+  void on_tick(EventLoop::Clock::time_point now) override;
 
  private:
   class Item;
@@ -40,12 +39,12 @@ class BatchCall final
   [[nodiscard]] Status take(v1::RenderBatchRequest request);
   void end_reading();
   [[nodiscard]] u32 outstanding() const;  // items that use a credit; under mutex_
-  void advance();                         // starts what may start, sends what can be sent
+  void advance();                         // starts items that have credits, sends what is ready
   [[nodiscard]] ItemPtr next_item();
   void on_done(ItemPtr item);
   void pump();
   [[nodiscard]] bool next_reply();  // fills reply_; under mutex_
-  void close(Status status);        // under mutex_: the first one counts; what is in work stops
+  void close(Status status);  // under mutex_: the first status counts; items in work are stopped
 
   Daemon& daemon_;
   CallScope scope_;
@@ -62,11 +61,11 @@ class BatchCall final
   ItemPtr sending_;
   FrameCutter cutter_;
   u32 in_work_ = 0;
-  u32 window_ = 0;  // credits of the first message; 0: there was none yet
+  u32 window_ = 0;  // credits of the first message; 0: it has not arrived
   u32 credits_ = 0;
   std::optional<Status> result_;
   Standstill standstill_;
-  bool is_read_ = false;  // the client half-closed
+  bool client_half_closed_ = false;
   bool is_writing_ = false;
   bool is_finished_ = false;
 };

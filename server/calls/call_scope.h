@@ -1,4 +1,4 @@
-// Whose a call is and when it stops: what Render, RenderBatch and Stream have in common.
+// Owner and stop conditions of a call: common parts of Render, RenderBatch, Stream and the like.
 #pragma once
 
 #include <functional>
@@ -9,7 +9,7 @@
 
 namespace heliograph::server {
 
-/// Thread: any.
+/// The scope of one call. Thread: any.
 class CallScope {
  public:
   CallScope(grpc::CallbackServerContext& context, Call call)
@@ -22,22 +22,23 @@ class CallScope {
 
   [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
-  /// Call::charge(), for the request that is in work now.
+  /// As Call::charge(), for the request being handled.
   [[nodiscard]] Status charge(u64 request_bytes) { return call_.charge(request_bytes); }
-  /// When the client gives up.
+  /// Returns the client's deadline.
   [[nodiscard]] std::optional<std::chrono::steady_clock::time_point> deadline() const {
     return deadline_of(context_);
   }
-  /// Stops when the client cancels, its deadline passes, or the session ends.
+  /// Returns a token that stops when the client cancels, its deadline passes, or the session ends.
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
   void request_stop() { stop_.request_stop(); }
-  /// Gate::check(). Reads no context, which may be gone where a call is looked at.
+  /// As Gate::check(). Does not touch the context, which may be freed while the stall monitor
+  /// ticks.
   [[nodiscard]] Status check_identity(const Gate& gate) const {
     return gate.check(credentials_, session()->tenant());
   }
-  /// What ends a call that has no end of its own: the drain, the session's end, an identity that
-  /// was withdrawn.
-  [[nodiscard]] Status check_lasting(const Gate& gate) const {
+  /// Checks that an endless call may go on: UNAVAILABLE while draining, CANCELLED after the
+  /// session's end, UNAUTHENTICATED once its identity was withdrawn.
+  [[nodiscard]] Status check_may_continue(const Gate& gate) const {
     if (gate.is_closed()) return shutting_down();
     HELIO_TRY(check_identity(gate));
     return check_open(*session());

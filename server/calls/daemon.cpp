@@ -1,4 +1,4 @@
-// Config to the parts of the daemon. Called by main.
+// Makes the parts of the daemon from its Config. Called by main.
 #include "server/calls/daemon.h"
 
 #include <fmt/format.h>
@@ -94,7 +94,7 @@ Status Daemon::open_journal() {
        .disk = [this](const std::string& tenant) { return tenants.named(tenant)->ledger.disk; }},
       pool, log);
   if (!opened) return std::unexpected(std::move(opened).error());
-  // What is there was let in by a daemon before: nothing of it is refused.
+  // Recovered objects were admitted by an earlier daemon: none of them is refused.
   tenants.ledger().lift();
   auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
   tenants.ledger().set_totals(config.limits);
@@ -146,7 +146,7 @@ void Daemon::save_scenes() {
               {{"scenes", saved.lost}, {"reason", saved.because.error().message}});
 }
 
-void Daemon::tell_fitted(const std::vector<Fitted>& limits) {
+void Daemon::log_fitted(const std::vector<Fitted>& limits) {
   std::string lowered;
   for (const Fitted& each : limits) {
     if (each.is_kept)
@@ -175,9 +175,9 @@ Status Daemon::open_recorder() {
 }
 
 void Daemon::sweep_uploads() {
-  // A full pool frees no memory now; the next turn does.
+  // When the pool is full, memory is freed at the next sweep.
   [[maybe_unused]] const auto posted = pool.post(WorkPool::kDaemon, [this] {
-    for (const auto& session : sessions.list()) session->holdings().sweep();
+    for (const auto& session : sessions.list()) session->arrays().sweep();
   });
   loop->after(std::chrono::seconds(kSweepSeconds), [this] { sweep_uploads(); });
 }

@@ -1,4 +1,5 @@
-// What the handlers share. Built once by main, passed by reference; destroyed in reverse order.
+// State shared by the handlers. Built once by main, passed by reference; destroyed in reverse
+// order.
 #pragma once
 
 #include <functional>
@@ -13,9 +14,9 @@
 #include "server/journal/journal.h"
 #include "server/net/local_channel.h"
 #include "server/observe/call_log.h"
-#include "server/observe/call_watch.h"
 #include "server/observe/metrics.h"
 #include "server/observe/recorder.h"
+#include "server/observe/stall_monitor.h"
 #include "server/os/event_loop.h"
 #include "server/os/log.h"
 #include "server/os/watchdog.h"
@@ -36,11 +37,11 @@ struct Daemon {
   WorkPool pool;
   Scenes scenes;
   Tenants tenants;
-  std::unique_ptr<Recorder> recorder;  // null unless it records
+  std::unique_ptr<Recorder> recorder;  // null unless --record is given
   Sessions sessions;
   Gate gate;
   const CallLog call_log;
-  CallWatch watch;
+  StallMonitor stall_monitor;
   Health health;
   Watchdog watchdog;
   std::unique_ptr<LocalChannel> local_channel;
@@ -48,36 +49,37 @@ struct Daemon {
   AssetRoot asset_root;
   Expected<std::unique_ptr<Decoder>> decoder;
   std::unique_ptr<Journal> journal;  // null without a state directory
-  /// Called by the loop when durable scenes become read-only, and when they are written again. Set
+  /// Called by the loop when durable scenes become read-only (false) and writable again (true). Set
   /// before the loop runs.
   std::function<void(bool is_writing)> journal_changed;
 
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
   Daemon(const Daemon&) = delete;
-  ~Daemon() { pool.stop(); }  // its tasks use members that go before it
-  /// Recovers what the state directory holds. INTERNAL: it is damaged.
+  ~Daemon() { pool.stop(); }  // its tasks use members that are destroyed before it
+  /// Opens the journal and recovers its scenes. INTERNAL: it is damaged.
   [[nodiscard]] Status open_journal();
-  /// Saves the scenes that are not durable for the next daemon, and refuses what comes from now on;
-  /// the process ends when that takes longer than it may. The log says what is lost.
+  /// Saves scenes that are not durable for the next daemon, and refuses further writes. Ends the
+  /// process when that exceeds its time limit. Logs what is lost.
   void save_scenes();
-  /// Logs limits that were larger than their part of what there is.
-  void tell_fitted(const std::vector<Fitted>& limits);
-  /// Begins to record. INVALID_ARGUMENT: there is no place for it.
+  /// Logs the limits that fit() lowered.
+  void log_fitted(const std::vector<Fitted>& limits);
+  /// Begins to record. INVALID_ARGUMENT: the file cannot be created.
   [[nodiscard]] Status open_recorder();
-  /// A question is answered from this revision, which a recording keeps.
+  /// Notes in the recording, if there is one, the revision that a query reads.
   void note_revision(const grpc::ServerContextBase& context, Revision revision) const {
     if (recorder) recorder->revision(&context, revision);
   }
-  /// So that a session that was resumed may repeat the calls that made its scenes.
+  /// Restores the replies of calls that made a resumed session's scenes, so that it may repeat
+  /// them.
   void restore_requests(Session& session);
 
  private:
   [[nodiscard]] CallLog::Options call_log_options();
-  /// Once a second: what sessions brought and nobody needs goes (recent.h).
+  /// Drops uploads that sessions need no more (recent.h), once per second.
   void sweep_uploads();
 };
 
-/// Ends the process then, with kExitDevice, whatever hangs.
+/// Ends the process after so many seconds, with kExitDevice, whatever hangs.
 void end_within(u32 seconds);
 
 }  // namespace heliograph::server

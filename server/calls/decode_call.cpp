@@ -13,10 +13,10 @@
 namespace heliograph::server {
 namespace {
 
-/// The folder part of a path, with its slash.
+/// Returns the folder of a path, with its slash.
 std::string folder_of(const std::string& path) { return path.substr(0, path.rfind('/') + 1); }
 
-/// The decoder's words for the axes.
+/// The decoder's names of the axes, by enum value.
 constexpr std::array kAxes{"", "x", "y", "z"};
 static_assert(kAxes.size() == v1::DecodeAssetRequest::Axis_ARRAYSIZE);
 
@@ -87,7 +87,7 @@ Status DecodeCall::gather_bundle() {
       files_.push_back({file.path(), nullptr});
       continue;
     }
-    auto bytes = call_.session()->holdings().blob(file.sha256());
+    auto bytes = call_.session()->arrays().blob(file.sha256());
     if (!bytes)
       return std::unexpected(std::move(bytes).error().at(fmt::format("files[{}].sha256", i)));
     files_.push_back({file.path(), std::move(*bytes)});
@@ -105,7 +105,7 @@ void DecodeCall::submit() {
     }
   }
   hash_ = asset_hash(named_);
-  if (const auto known = call_.session()->holdings().find_asset(hash_)) {
+  if (const auto known = call_.session()->arrays().find_asset(hash_)) {
     return finish(replies_of(known->info));
   }
   if (auto charged = charge_copy(); !charged)
@@ -180,15 +180,14 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
     reply.mutable_missing()->Add(decoded.missing.begin(), decoded.missing.end());
     return Replies{std::move(reply)};
   }
-  Holdings& holdings = call_.session()->holdings();
+  SessionArrays& arrays = call_.session()->arrays();
   for (int i = 0; request_.server_path().empty() && i < request_.files_size(); ++i)
     if (const BufferPtr& bytes = files_[std::size_t(i)].bytes)
-      holdings.used(request_.files(i).sha256(), bytes);
+      arrays.used(request_.files(i).sha256(), bytes);
   auto stored = std::make_shared<StoredAsset>();
   if (decoded.image) {
     stored->texels = decoded.image->texels;
-    stored->info =
-        to_info(*decoded.image, decoded.image_srgb, holdings.hold(decoded.image->texels));
+    stored->info = to_info(*decoded.image, decoded.image_srgb, arrays.hold(decoded.image->texels));
   } else {
     stored->asset = decoded.asset;
     stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
@@ -196,7 +195,7 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
   stored->bytes = decoded.bytes;
   stored->info.set_sha256(hash_);
   for (const std::string& warning : decoded.warnings) stored->info.add_warnings(warning);
-  return replies_of(holdings.hold(std::move(stored))->info);
+  return replies_of(arrays.hold(std::move(stored))->info);
 }
 
 void DecodeCall::send_progress(double done) {

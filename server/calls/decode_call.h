@@ -1,4 +1,4 @@
-// DecodeAsset in flight: gathers the files, has them decoded, stores the asset, tells the client.
+// DecodeAsset in flight: collects the files, decodes them, stores the asset and replies.
 #pragma once
 
 #include <deque>
@@ -12,14 +12,14 @@
 
 namespace heliograph::server {
 
-/// Thread: any, one step at a time. Deletes itself when gRPC is done.
+/// One call. Thread: any, one step at a time. Deletes itself when gRPC is done.
 class DecodeCall final : public Writer<v1::DecodeAssetReply> {
  public:
   DecodeCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
              const v1::DecodeAssetRequest& request)
       : daemon_(daemon), context_(context), call_(std::move(call)), request_(request) {}
 
-  /// Starts on the pool; a full one ends the call.
+  /// Starts on the pool; ends the call when the pool is full.
   void post(WorkPool& pool) {
     if (auto posted = pool.post(call_.tenant()->id, [this] { start(); }); !posted)
       finish(std::unexpected(posted.error()));
@@ -34,17 +34,18 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   using Result = Expected<Replies>;
 
   void start();
-  /// A file of the asset root is read by the decoder, for the disk may take its time.
+  /// Collects all files. Those of the asset root are read in the decoder's threads, as the disk may
+  /// be slow.
   void gather_all();
   [[nodiscard]] Status gather();
   [[nodiscard]] Status gather_bundle();
   /// Charges and reads a file beneath the asset root.
   [[nodiscard]] Status gather_file(const std::string& path, const std::string& name);
   void submit();
-  /// Charges the copy of all files that the decoder gets.
+  /// Charges the copies of all files that the decoder gets.
   [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
-  /// Reads companions that a server_path's model lacks; whether there were any.
+  /// Reads companions that the model of a server_path lacks. Returns true when any was found.
   [[nodiscard]] Expected<bool> gather_missing(const std::vector<std::string>& missing);
   [[nodiscard]] Result store(const Decoded& decoded);
   void send_progress(double done);
@@ -56,15 +57,16 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   Call call_;
   const v1::DecodeAssetRequest& request_;
   std::stop_source stop_;
-  Decoder* decoder_ = nullptr;    // whose threads may have this call while the daemon lets go of it
-  v1::DecodeAssetRequest named_;  // what was decoded: its files, by hash, and its options
+  Decoder* decoder_ =
+      nullptr;  // its threads may hold this call while the daemon releases the decoder
+  v1::DecodeAssetRequest named_;  // the decoded bundle: its files, by hash, and its options
   std::vector<DecodeFile> files_;
-  std::vector<Charge> read_;  // files of the asset root
-  Charge copy_;               // while the decoder has it
+  std::vector<Charge> read_;  // of files of the asset root
+  Charge copy_;               // held while the decoder has the copies
   std::string hash_;
   std::mutex mutex_;
   bool is_writing_ = false;
-  std::optional<Result> result_;  // replies that are still to be sent
+  std::optional<Result> result_;  // replies to be sent
   v1::DecodeAssetReply reply_;
 };
 

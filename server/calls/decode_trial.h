@@ -1,15 +1,15 @@
-// Whether files can be decoded, found out when the daemon starts. Used by lifecycle.cpp.
+// Tests at the start whether files can be decoded. Used by lifecycle.cpp.
 #pragma once
 
 #include "server/calls/daemon.h"
 
 namespace heliograph::server {
 
-/// What the settings say of the decoder.
+/// Returns the decoder's options from the settings.
 [[nodiscard]] DecoderOptions decoder_options(const Config& config);
 
-/// Decodes a triangle, again every few seconds until that works, and tells the daemon's health and
-/// log. Called by the loop; the daemon outlives what it starts.
+/// Decodes a triangle, repeatedly every few seconds until that works, and reports to the daemon's
+/// health and log. Called by the loop; the daemon outlives the trial.
 void try_decoder(Daemon& daemon);
 
 }  // namespace heliograph::server

@@ -4,14 +4,14 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kFewestShared = 64 << 10;  // bytes; smaller planes gain nothing
+constexpr u64 kFewestShared = 64 << 10;  // bytes; smaller planes gain nothing from sharing
 
-/// What a plane travels by; null: as bytes.
+/// Returns the lease that a plane lies in; null: it travels as bytes.
 LeasedPixels* lease_of(const PlaneData& plane, const WirePlane& wire) {
   return wire.is_half() ? nullptr : dynamic_cast<LeasedPixels*>(plane.pixels.memory());
 }
 
-/// Names where a plane lies, which the client may use from then on.
+/// Fills in a plane's location, and passes its lease to the client.
 void name(LeasedPixels& pixels, u64 size, v1::BufferRef& buffer) {
   const Lease& lease = pixels.send();
   buffer.set_buffer(lease.buffer);
@@ -65,7 +65,7 @@ void FrameCutter::begin(OutgoingFrame outgoing, v1::FramePart& part) {
   skip_named();
 }
 
-/// To the next plane that needs a chunk.
+/// Advances to the next plane that needs a chunk.
 void FrameCutter::skip_named() {
   while (plane_ < planes_.size() && is_named_[plane_]) ++plane_;
   if (plane_ == planes_.size()) frame_.reset();

@@ -13,7 +13,7 @@ std::shared_ptr<FrameStream> FrameStream::start(Daemon& daemon,
                                                 grpc::CallbackServerContext& context, Call call) {
   std::shared_ptr<FrameStream> stream(new FrameStream(daemon, context, std::move(call)));
   stream->self_ = stream;
-  daemon.watch.add(stream);
+  daemon.stall_monitor.add(stream);
   return stream;
 }
 
@@ -30,8 +30,8 @@ void FrameStream::expect(const RenderTask& task) {
 void FrameStream::progress(const Progress& progress) {
   {
     const std::lock_guard lock(mutex_);
-    if (finals_left_ == 0) {  // done() follows at once
-      if (has_told_progress_) progress_ = progress;
+    if (finals_left_ == 0) {  // done() follows immediately
+      if (has_sent_progress_) progress_ = progress;
       return;
     }
     progress_ = progress;
@@ -47,7 +47,7 @@ void FrameStream::frame(std::shared_ptr<const Frame> frame) {
     });
     if (frame->final) --finals_left_;
     frames_.push_back(std::move(frame));
-    if (finals_left_ == 0) return;  // done() follows at once; the call ends with the last write
+    if (finals_left_ == 0) return;  // done() follows immediately; the call ends with the last write
   }
   pump();
 }
@@ -65,17 +65,17 @@ void FrameStream::OnWriteDone(bool ok) {
     const std::lock_guard lock(mutex_);
     is_writing_ = false;
   }
-  if (!ok) scope_.request_stop();  // the job's done() finishes the call
+  if (!ok) scope_.request_stop();  // then the job's done() finishes the call
   pump();
 }
 
 void FrameStream::OnDone() {
-  end_looks();
+  end_ticks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }
 
-void FrameStream::look(EventLoop::Clock::time_point now) {
+void FrameStream::on_tick(EventLoop::Clock::time_point now) {
   bool is_stuck;
   {
     const std::lock_guard lock(mutex_);
@@ -84,7 +84,7 @@ void FrameStream::look(EventLoop::Clock::time_point now) {
   if (is_stuck) scope_.context().TryCancel();
 }
 
-/// Starts the next write, or finishes. The one place that does either.
+/// Starts the next write, or finishes; the only place that does either.
 void FrameStream::pump() {
   bool writes, ends;
   {
@@ -96,7 +96,8 @@ void FrameStream::pump() {
     if (writes) standstill_.moved();
   }
   if (!ends) return writes ? StartWrite(&part_) : void();
-  const grpc::Status status = to_status(scope_.session()->told(*result_), scope_.context());
+  const grpc::Status status =
+      to_status(scope_.session()->with_shutdown_reason(*result_), scope_.context());
   if (writes)
     StartWriteAndFinish(&part_, {}, status);
   else
@@ -115,7 +116,7 @@ bool FrameStream::next_part() {
   if (!progress_) return false;
   *part_.mutable_progress() = to_proto(*progress_);
   progress_.reset();
-  has_told_progress_ = true;
+  has_sent_progress_ = true;
   return true;
 }
 

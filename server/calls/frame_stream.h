@@ -1,5 +1,5 @@
-// Frames on their way to a client: a mailbox between the device thread and one gRPC write in
-// flight.
+// Frames in flight to a client: a mailbox between the device thread and gRPC, which has one write
+// in flight.
 #pragma once
 
 #include <deque>
@@ -12,26 +12,26 @@
 #include "server/calls/daemon.h"
 #include "server/calls/frame_cutter.h"
 #include "server/calls/render_task.h"
-#include "server/observe/call_watch.h"
+#include "server/observe/stall_monitor.h"
 
 namespace heliograph::server {
 
 /// The reply side of Render.
 ///
-/// The mailbox holds at most one progress message, one passing frame a camera (a newer one replaces
-/// it) and each camera's final frame; chunks are cut when they are written, so a slow reader costs
-/// the frames of its own job and stalls nobody.
-/// Thread: any; sink calls come from the device thread and do not block.
-/// Lifetime: holds itself until gRPC is done; the engine holds it as its sink.
+/// The mailbox holds at most one progress message, one intermediate frame per camera (a newer one
+/// replaces it) and each camera's final frame. Chunks are cut when they are written, so a slow
+/// reader holds only the frames of its own job and stalls no other. Thread: any; sink calls come
+/// from the device thread and never block. Lifetime: owns itself until gRPC is done; the engine
+/// holds it as its sink.
 class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
                           public JobSink,
-                          public Watched {
+                          public Monitored {
  public:
   [[nodiscard]] static std::shared_ptr<FrameStream> start(Daemon& daemon,
                                                           grpc::CallbackServerContext& context,
                                                           Call call);
 
-  /// What frames will come; once, before the engine has the sink.
+  /// Sets which frames will come. Called once, before the engine has the sink.
   void expect(const RenderTask& task);
   [[nodiscard]] const CallScope& scope() const { return scope_; }
   [[nodiscard]] Status provide(const RenderTask& task) {
@@ -41,19 +41,19 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
   void progress(const Progress& progress) override;
   void frame(std::shared_ptr<const Frame> frame) override;
   void done(Status status, const Spent& spent) override;
-  /// Ends the call before the engine has it.
+  /// Ends a call that was never submitted.
   void refuse(const Status& status) { done(status, {}); }
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override { scope_.request_stop(); }
   void OnDone() override;
-  void look(EventLoop::Clock::time_point now) override;
+  void on_tick(EventLoop::Clock::time_point now) override;
 
  private:
   FrameStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call);
   void pump();
   [[nodiscard]] bool next_part();           // fills part_; under mutex_
-  [[nodiscard]] bool is_last_part() const;  // the same
+  [[nodiscard]] bool is_last_part() const;  // under mutex_
 
   CallScope scope_;
   const double stall_seconds_;
@@ -67,7 +67,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
   std::optional<Status> result_;
   FrameCutter cutter_;
   Standstill standstill_;
-  bool has_told_progress_ = false;
+  bool has_sent_progress_ = false;
   bool is_writing_ = false;
   bool is_finished_ = false;
   v1::FramePart part_;

@@ -92,7 +92,7 @@ class QuickCalls::FastPathConnection final
     if (frame->final) frames_.push_back(std::move(frame));
   }
   void done(Status status, const Spent&) override {
-    status = session_->told(std::move(status));
+    status = session_->with_shutdown_reason(std::move(status));
     if (!status) {
       if (stop_requested()) cutter_->abandon();
       return finish(status);

@@ -1,4 +1,4 @@
-// Requests to jobs. See render_task.h.
+// Converts requests to jobs. See render_task.h.
 #include "server/calls/render_task.h"
 
 #include <fmt/format.h>
@@ -30,11 +30,11 @@ Expected<SnapshotPtr> base_of(const SceneEntry& entry, const v1::RenderRequest& 
   return std::unexpected(std::move(error));
 }
 
-/// The overlay on a snapshot of its own, under the revision it is based on.
+/// Applies the overlay to a snapshot of its own, under the number of its base revision.
 Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const SnapshotPtr& base,
                                    const v1::Transaction& overlay) {
   HELIO_CHECK(check_count(overlay, daemon.config.limits.edits), "overlay");
-  UsedUploads source(session.holdings());
+  UsedUploads source(session.arrays());
   const auto transaction = to_transaction(overlay, source);
   if (!transaction) {
     source.give_back(transaction.error());
@@ -47,7 +47,7 @@ Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const Snaps
   return snapshot;
 }
 
-/// Of the frames of all cameras and worlds.
+/// Returns the bytes of the frames of all cameras and worlds.
 u64 frame_bytes_of(const RenderJob& job) {
   u64 pixel = 0;
   for (const Plane plane : job.planes)
@@ -88,7 +88,7 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
                     {.spp = u32(limits.samples), .groups = u32(limits.groups)});
   if (!job) return std::unexpected(job.error());
   if (request.has_worlds()) {
-    UsedUploads source(session.holdings());
+    UsedUploads source(session.arrays());
     auto worlds = to_worlds(request.worlds(), *job->snapshot, source,
                             {.worlds = limits.worlds, .edits = limits.edits});
     if (!worlds) {
@@ -103,7 +103,7 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
   return std::make_shared<RenderJob>(std::move(*job));
 }
 
-/// Of its planes that are no leases, which are charged by SharedFrames.
+/// Returns the bytes of planes on the heap; leases are charged by SharedFrames.
 u64 heap_bytes(const Frame& frame) {
   u64 bytes = 0;
   for (const PlaneData& plane : frame.planes)
@@ -111,8 +111,8 @@ u64 heap_bytes(const Frame& frame) {
   return bytes;
 }
 
-/// Room for the frames of a job that have no leases. One that writes leases is refused when its
-/// tenant has more than it may: the leases failed, and frames went to the heap.
+/// Charges the frames of a job that are not leased. Refuses a job with leases whose tenant exceeds
+/// its limit: leases failed, and frames went to the heap.
 Expected<Charge> frame_room(const RenderTask& task) {
   const Budget& bytes = *task.tenant->ledger.bytes;
   const bool is_leased = task.job->memory && bytes.used() <= bytes.limit();
@@ -123,14 +123,14 @@ Expected<Charge> frame_room(const RenderTask& task) {
   return std::unexpected(std::move(error));
 }
 
-/// Counts a job while it waits and runs, its frames until they are sent, charges what it took, and
-/// tells its call.
+/// Decorates a sink: counts the job while it waits and runs, charges its frames until they are sent
+/// and its cost at the end, and records it in its call.
 class Metered final : public JobSink {
  public:
   struct Charges {
     Charge running;
     Charge request;
-    Charge frames;  // that are not there yet
+    Charge frames;  // charge of frames still to come
   };
   Metered(std::shared_ptr<JobSink> sink, Daemon& daemon, const RenderTask& task, Charges charges)
       : sink_(std::move(sink)),
@@ -155,8 +155,8 @@ class Metered final : public JobSink {
   }
 
  private:
-  /// The frame, charged as long as somebody has it: from what was set aside for the job, and beyond
-  /// that (a frame of each step) whatever the limit is.
+  /// Charges a frame for as long as it is referenced: from the job's reserve, and beyond that (a
+  /// frame per step) regardless of the limit.
   std::shared_ptr<const Frame> counted(std::shared_ptr<const Frame> frame) {
     struct Counted {
       std::shared_ptr<const Frame> frame;

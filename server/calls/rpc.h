@@ -1,6 +1,5 @@
-// The shapes of our calls as gRPC reactors: unary, a stream that is pulled, a refusal. Every
-// handler of service_*.cpp goes through these, so that all pass the gate and all errors leave one
-// way.
+// Calls as gRPC reactors: unary, server stream, refusal. Every gRPC handler of service_*.cpp goes
+// through these, so that all calls pass the gate and all errors are converted in one place.
 #pragma once
 
 #include <grpc/support/time.h>
@@ -19,7 +18,7 @@
 
 namespace heliograph::server {
 
-/// When the client gives up, on the clock that jobs use; nothing when it never does.
+/// Returns the client's deadline on the jobs' clock; none when it has none.
 [[nodiscard]] inline std::optional<std::chrono::steady_clock::time_point> deadline_of(
     const grpc::CallbackServerContext& context) {
   const gpr_timespec deadline = context.raw_deadline();
@@ -39,7 +38,7 @@ class Refusal final : public Reactor {
   void OnDone() override { delete this; }
 };
 
-/// Whose call it is, for the log.
+/// Copies the caller's identity into the log's facts.
 inline void name_caller(const Call& call, CallFacts& facts) {
   facts.tenant = call.tenant()->name;
   if (!call.session()) return;
@@ -47,7 +46,7 @@ inline void name_caller(const Call& call, CallFacts& facts) {
   facts.session = call.session()->id();
 }
 
-/// Lets a call in and starts it with `start(Call) -> Reactor*`, or refuses it: the one way from a
+/// Admits a call and starts it with `start(Call) -> Reactor*`, or refuses it: the only way from a
 /// handler of Service to a session.
 template <class Reactor, class Start>
 Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, const Start& start) {
@@ -58,8 +57,8 @@ Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, c
   return start(std::move(*admitted));
 }
 
-/// The same for a call whose request is here, and charged while it lasts; UNIMPLEMENTED when it has
-/// a field we do not know.
+/// The same for a call whose request has arrived, charged until the call ends. UNIMPLEMENTED when
+/// it has unknown fields.
 template <class Reactor, class Start>
 Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context,
                 const google::protobuf::Message& request, Needs needs, const Start& start) {
@@ -73,7 +72,7 @@ Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context,
 }
 
 /// A unary call in flight. The handler calls finish() once, from any thread; until then request and
-/// reply live.
+/// reply are alive.
 class UnaryCall final : public grpc::ServerUnaryReactor {
  public:
   UnaryCall(grpc::CallbackServerContext& context, Call call)
@@ -86,10 +85,10 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
 
   void finish(const Status& status) {
-    call_.answered();
+    call_.release_slot();
     Finish(to_status(status, context_));
   }
-  /// Posts work that finishes the call; a full pool does too.
+  /// Posts work that finishes the call; a full pool finishes it too.
   void post(WorkPool& pool, WorkPool::Task task) {
     if (auto posted = pool.post(tenant()->id, std::move(task)); !posted) finish(posted);
   }
@@ -115,19 +114,19 @@ grpc::ServerUnaryReactor* unary(Gate& gate, grpc::CallbackServerContext* context
   });
 }
 
-/// A server stream whose messages are made one at a time, on the pool, when the last one was
-/// written: nothing queues up behind a slow reader, and one that stands still is closed.
+/// A server stream whose messages are made one at a time, on the pool, once the previous one was
+/// written: nothing queues up behind a slow reader, and a stalled one is closed.
 template <class Reply>
-class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched {
+class PullStream final : public grpc::ServerWriteReactor<Reply>, public Monitored {
  public:
   /// Fills the next message; false when there is none.
   using Next = std::function<Expected<bool>(Reply&)>;
 
-  /// One that waits for pull() or finish(), either of which is called once.
+  /// Makes a stream that waits for pull() or finish(); exactly one of them is called, once.
   static PullStream* make(Daemon& daemon, grpc::CallbackServerContext& context, Call call) {
     std::shared_ptr<PullStream> made(new PullStream(daemon, context, std::move(call)));
     made->self_ = made;
-    daemon.watch.add(made);
+    daemon.stall_monitor.add(made);
     return made.get();
   }
 
@@ -137,15 +136,15 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
   /// Stops when the client cancels, its deadline passes or its connection ends.
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
 
-  /// What is charged until the call ends.
+  /// Holds a charge until the call ends.
   void hold(Charge answer) { answer_ = std::move(answer); }
-  /// Sends what `next` makes, until there is no more.
+  /// Sends the messages that `next` makes, until there are no more.
   void pull(Next next) {
     next_ = std::move(next);
     step();
   }
   void finish(const Status& status) {
-    call_.answered();
+    call_.release_slot();
     this->Finish(to_status(status, context_));
   }
 
@@ -159,10 +158,10 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
   }
   void OnCancel() override { stop_.request_stop(); }
   void OnDone() override {
-    end_looks();
+    end_ticks();
     self_.reset();
   }
-  void look(EventLoop::Clock::time_point now) override {
+  void on_tick(EventLoop::Clock::time_point now) override {
     bool is_stuck;
     {
       const std::lock_guard lock(mutex_);
@@ -187,7 +186,7 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     reply_.Clear();
     const auto more = next_(reply_);
     if (!more || !*more) {
-      next_ = nullptr;  // what it holds may be large, and goes here
+      next_ = nullptr;  // frees its captures, which may be large
       return finish(more ? Status{} : std::unexpected(more.error()));
     }
     {

@@ -1,5 +1,5 @@
-// The service of service.proto: every call, in the order of that file. The handlers, by area, are
-// in service_*.cpp; each converts, calls, converts back.
+// The service of service.proto: every call, in the order of that file. The handlers are in
+// service_*.cpp by area; each converts, calls, converts back.
 #pragma once
 
 #include "heliograph/v1/service.grpc.pb.h"
@@ -13,7 +13,7 @@ using Writer = grpc::ServerWriteReactor<Reply>;
 template <class Request>
 using Reader = grpc::ServerReadReactor<Request>;
 
-/// Thread: any.
+/// The gRPC service. Thread: any.
 class Service final : public v1::Renderer::CallbackService {
  public:
   explicit Service(Daemon& daemon) : daemon_(daemon) {}

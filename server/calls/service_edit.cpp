@@ -11,16 +11,17 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kShortBytes = 64 << 10;  // checked in the caller's thread
+constexpr std::size_t kShortBytes = 64
+                                    << 10;  // up to which an edit is checked in the caller's thread
 
 EditLog::Reply refuse(Error error) {
   return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));
 }
 
-/// The transaction of a request that its session may still make.
+/// Reads the transaction of a request that its session may still make.
 Expected<Transaction> read(Session& session, const v1::ApplyRequest& request, ArraySource& source,
                            const Limits& limits) {
-  HELIO_TRY(check_own_fields(request));  // those of the transaction are checked by it
+  HELIO_TRY(check_own_fields(request));  // the transaction's own fields are checked below
   HELIO_TRY(check_count(request.transaction(), limits.edits));
   Rate& edits = session.tenant()->edits;
   HELIO_TRY(edits.admit());
@@ -35,7 +36,7 @@ std::optional<Revision> expected_of(const v1::ApplyRequest& request) {
 
 Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
                                    const v1::ApplyRequest& request, const Limits& limits) {
-  UsedUploads source(session.holdings());
+  UsedUploads source(session.arrays());
   const auto transaction = read(session, request, source, limits);
   const auto prepared =
       transaction ? entry.commit(*transaction, expected_of(request), request.transaction())
@@ -52,7 +53,7 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
                    const EditLog::Finish& finish) {
   if (auto writing = entry.journal->status(); !writing)
     return finish(std::unexpected(writing.error()));
-  UsedUploads uses(session->holdings());
+  UsedUploads uses(session->arrays());
   RecordingSource source(uses, entry.journal->files(entry.tenant->name));
   DurableEdit edit{.transaction = read(*session, request, source, limits),
                    .expected = expected_of(request),
@@ -60,7 +61,7 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
                    .sent = {},
                    .files = {}};
   const auto end = [session, finish, used = uses.take_used()](Expected<v1::ApplyReply> reply) {
-    if (!reply && may_be_sent_again(reply.error())) session->holdings().give_back(used);
+    if (!reply && may_be_sent_again(reply.error())) session->arrays().give_back(used);
     finish(std::move(reply));
   };
   edit.record.set_session(session->id());
@@ -77,7 +78,7 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
   entry.commit(std::move(edit), end);
 }
 
-/// Whether checking takes microseconds: small, and no arrays outside the message.
+/// Returns true when checking takes microseconds: small, and no arrays outside the message.
 bool is_short(const v1::ApplyRequest& request) {
   if (request.ByteSizeLong() > kShortBytes || has_arrays_elsewhere(request)) return false;
   return std::ranges::none_of(request.transaction().edits(), [](const v1::Edit& edit) {
@@ -95,14 +96,14 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
   if (auto open = check_open(*session); !open) {
-    daemon.scenes.end_session(session->id());  // whose log this may have made again
+    daemon.scenes.end_session(session->id());  // frees the log that this call may have recreated
     return done(refuse(std::move(open).error()));
   }
   auto task = [&request, session, entry = *entry, log, done, &daemon] {
     const auto apply = [&](const EditLog::Finish& finish) {
       if (entry->journal)
         return apply_durably(session, *entry, request, daemon.config.limits, finish);
-      const auto change = daemon.scenes.changes().begin();  // up to its reply
+      const auto change = daemon.scenes.write_barrier().begin();  // until the reply is sent
       if (!change) return finish(std::unexpected(change.error()));
       finish(apply_now(*session, *entry, request, daemon.config.limits));
     };
@@ -141,12 +142,12 @@ ApplyStreamCall* ApplyStreamCall::start(Daemon& daemon, grpc::CallbackServerCont
                                         Call call) {
   std::shared_ptr<ApplyStreamCall> made(new ApplyStreamCall(daemon, context, std::move(call)));
   made->self_ = made;
-  daemon.watch.add(made);
+  daemon.stall_monitor.add(made);
   made->read();
   return made.get();
 }
 
-/// Called by who is busy, and is not any more.
+/// Reads the next request. Called by a thread counted in busy_, whose count passes to the read.
 void ApplyStreamCall::read() {
   StartRead(&request_);
   rest();
@@ -191,7 +192,7 @@ void ApplyStreamCall::OnWriteDone(bool ok) {
   is_over ? rest() : read();
 }
 
-/// The first status counts.
+/// Ends the call; the first status counts.
 void ApplyStreamCall::end(Status status) {
   {
     const std::lock_guard lock(mutex_);
@@ -201,7 +202,7 @@ void ApplyStreamCall::end(Status status) {
   rest();
 }
 
-/// Whoever is the last to be busy ends a call that is over.
+/// Ends one busy operation; the last one finishes a call that is over.
 void ApplyStreamCall::rest() {
   Status result;
   {
@@ -213,15 +214,15 @@ void ApplyStreamCall::rest() {
   finish(result);
 }
 
-void ApplyStreamCall::look(EventLoop::Clock::time_point) {
-  Status lasting = scope_.check_lasting(daemon_.gate);
+void ApplyStreamCall::on_tick(EventLoop::Clock::time_point) {
+  Status lasting = scope_.check_may_continue(daemon_.gate);
   if (lasting) return;
   bool is_stuck;
   {
     const std::lock_guard lock(mutex_);
     is_stuck = is_writing_ && result_;
   }
-  if (is_stuck) scope_.context().TryCancel();  // a write in flight ends no other way
+  if (is_stuck) scope_.context().TryCancel();  // only this ends a write in flight
   end(std::move(lasting));
 }
 

@@ -1,8 +1,8 @@
 // ImportScene: a scene file in chunks becomes a new scene.
 #include "server/calls/call_scope.h"
+#include "server/calls/monitored_reader.h"
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
-#include "server/calls/watched_reader.h"
 #include "server/convert/export.h"
 #include "server/scene/scene_import.h"
 #include "server/scene/scene_info.h"
@@ -11,14 +11,14 @@
 namespace heliograph::server {
 namespace {
 
-class ImportCall final : public WatchedReader<v1::SceneChunk> {
+class ImportCall final : public MonitoredReader<v1::SceneChunk> {
  public:
   ImportCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call, v1::SceneInfo& reply)
-      : WatchedReader(daemon, context),
+      : MonitoredReader(daemon, context),
         daemon_(daemon),
         call_(std::move(call)),
         reply_(reply),
-        file_(std::in_place, call_.session()->holdings(),
+        file_(std::in_place, call_.session()->arrays(),
               Charge::none(call_.tenant()->ledger.bytes)) {}
 
  private:

@@ -10,7 +10,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kAnswerBytes = 128;  // of one item, in the reply and before
+constexpr u64 kAnswerBytes = 128;  // per item, in the reply and before
 
 template <class Reply>
 void send(PullStream<Reply>& call, QueryResult result, Revision revision) {
@@ -21,8 +21,7 @@ void send(PullStream<Reply>& call, QueryResult result, Revision revision) {
   });
 }
 
-/// Checks a request with `to_job(snapshot, holdings)`, has the device answer it, and sends the
-/// answer.
+/// Checks a request with `to_job(snapshot, arrays)`, runs it on the device, and sends the answer.
 template <class Request, class Reply, class ToJob>
 void start_query(Daemon& daemon, PullStream<Reply>& call, const Request& request,
                  const ToJob& to_job) {
@@ -33,7 +32,7 @@ void start_query(Daemon& daemon, PullStream<Reply>& call, const Request& request
       **entry, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
   if (!snapshot) return call.finish(std::unexpected(snapshot.error()));
   daemon.note_revision(call.context(), (*snapshot)->revision);
-  auto job = to_job(*snapshot, session.holdings());
+  auto job = to_job(*snapshot, session.arrays());
   if (!job) return call.finish(std::unexpected(job.error()));
   job->origin = session.tenant()->origin(session.id(), request.scene());
   const auto engine = daemon.engine->wait();
@@ -54,7 +53,7 @@ void start_query(Daemon& daemon, PullStream<Reply>& call, const Request& request
       call.stop());
 }
 
-/// Lets a question in, and has it answered from the pool.
+/// Admits a query and runs it from the pool.
 template <class Reply, class Request, class ToJob>
 Writer<Reply>* ask(Daemon& daemon, Context* context, const Request& request, ToJob to_job) {
   return let_in<Writer<Reply>>(daemon.gate, context, request, Needs::kSession, [&](Call admitted) {

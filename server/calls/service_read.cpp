@@ -1,4 +1,4 @@
-// Read and ExportScene: streams that are made as fast as they are read.
+// Read and ExportScene: streams produced at the reader's pace.
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
 #include "server/convert/export.h"

@@ -17,7 +17,7 @@ Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene 
   return scene_info(daemon.scenes, **entry, session);
 }
 
-/// What changes durable scenes waits for the disk.
+/// Runs a task that may change durable scenes, and so wait for the disk, on the pool.
 void run(Daemon& daemon, UnaryCall& call, WorkPool::Task task) {
   if (daemon.journal) return call.post(daemon.pool, std::move(task));
   task();
@@ -77,7 +77,7 @@ Status describe_scene(Daemon& daemon, const UnaryCall& call,
   daemon.note_revision(call.context(), snapshot->revision);
   v1::SceneInfo& info = *reply.mutable_scene();
   info = scene_info(daemon.scenes, **entry, session);
-  info.set_revision(snapshot->revision);  // all of the answer is of one revision
+  info.set_revision(snapshot->revision);  // the whole reply describes one revision
   info.set_time(snapshot->time);
   describe_counts(*snapshot, *reply.mutable_counts());
   if (request.page_token().empty()) describe_categories(*snapshot, reply);
@@ -93,7 +93,7 @@ Status describe_scene(Daemon& daemon, const UnaryCall& call,
   memory.set_arrays(array_bytes(*snapshot));
   memory.set_rows(row_bytes(*snapshot));
   const Engine* engine = daemon.engine->get();
-  if (engine != nullptr && !daemon.tenants.are_several())  // it counts everybody's
+  if (engine != nullptr && !daemon.tenants.are_several())  // the figure includes all tenants
     memory.set_derived(engine->derived_bytes());
   return {};
 }

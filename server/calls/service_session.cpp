@@ -71,7 +71,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   for (u32 i = 0; i < kernels::kPlanes; ++i) *reply.add_planes() = plane_kind(Plane(i));
 }
 
-/// The sessions of a tenant, the oldest first. Their numbers are secrets.
+/// Lists a tenant's sessions, oldest first, without their ids, which are secrets.
 Status list_sessions(const Daemon& daemon, const TenantPtr& tenant,
                      const v1::ListSessionsRequest& request, v1::ListSessionsReply& reply) {
   auto page = Page::open(request.page_size(), request.page_token());
@@ -96,7 +96,7 @@ Status list_sessions(const Daemon& daemon, const TenantPtr& tenant,
   return {};
 }
 
-/// A TCP session's carrier: stays open until either side ends it.
+/// The stream that keeps a TCP session alive: open until either side ends it.
 class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
  public:
   KeepSessionStream(Sessions& sessions, Call call) : sessions_(sessions), call_(std::move(call)) {
@@ -135,12 +135,12 @@ Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr&
   daemon.sessions.attach(id);
   if (auto bound = daemon.local_channel->bind(request.ticket(), id); !bound) {
     if (request.resume() != 0)
-      daemon.sessions.detach(id);  // it is resumed with a good ticket
+      daemon.sessions.detach(id);  // the client may resume it with a valid ticket
     else
       daemon.sessions.close(id);
     return std::unexpected(bound.error());
   }
-  (*session)->holdings().shared().set_poll(
+  (*session)->arrays().shared().set_poll(
       [channel = daemon.local_channel.get(), id] { channel->poll(id); });
   return session;
 }
@@ -190,15 +190,15 @@ grpc::ServerUnaryReactor* Service::OpenSession(Context* context,
 Writer<v1::KeepSessionReply>* Service::KeepSession(Context* context,
                                                    const v1::KeepSessionRequest* request) {
   using Reactor = Writer<v1::KeepSessionReply>;
-  return let_in<Reactor>(daemon_.gate, context, *request, Needs::kSessionAlways, [&](Call call) {
-    return new KeepSessionStream(daemon_.sessions, std::move(call));
-  });
+  return let_in<Reactor>(
+      daemon_.gate, context, *request, Needs::kSessionEvenDraining,
+      [&](Call call) { return new KeepSessionStream(daemon_.sessions, std::move(call)); });
 }
 
 grpc::ServerUnaryReactor* Service::CloseSession(Context* context,
                                                 const v1::CloseSessionRequest* request,
                                                 v1::CloseSessionReply*) {
-  return unary(daemon_.gate, context, *request, Needs::kSessionAlways, [&](UnaryCall& call) {
+  return unary(daemon_.gate, context, *request, Needs::kSessionEvenDraining, [&](UnaryCall& call) {
     const u64 id = call.session()->id();
     daemon_.sessions.close(id);
     daemon_.local_channel->release(id);

@@ -5,7 +5,7 @@
 namespace heliograph::server {
 namespace {
 
-/// Admits a call that counts among its tenant's streams, and starts it.
+/// Admits a call that counts towards its tenant's streams, and starts it.
 template <class Started>
 grpc::ServerBidiReactor<typename Started::Request, typename Started::Reply>* admit(
     Daemon& daemon, Context* context) {

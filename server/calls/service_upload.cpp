@@ -1,17 +1,17 @@
-// UploadBlob: chunks in order, hashed as they come. LendBuffer: device memory for a client's
+// UploadBlob: chunks in order, hashed as they arrive. LendBuffer: device memory for a client's
 // arrays.
+#include "server/calls/monitored_reader.h"
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
-#include "server/calls/watched_reader.h"
 
 namespace heliograph::server {
 namespace {
 
-class UploadCall final : public WatchedReader<v1::UploadBlobRequest> {
+class UploadCall final : public MonitoredReader<v1::UploadBlobRequest> {
  public:
   UploadCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
              v1::UploadBlobReply& reply)
-      : WatchedReader(daemon, context),
+      : MonitoredReader(daemon, context),
         call_(std::move(call)),
         reply_(reply),
         chunk_bytes_(daemon.config.limits.chunk_bytes) {}
@@ -25,7 +25,7 @@ class UploadCall final : public WatchedReader<v1::UploadBlobRequest> {
   }
   void let_go() override { incoming_.reset(); }
 
-  /// Takes one message. Bytes that the daemon has are not read: the call ends at once.
+  /// Handles one message. For bytes that the daemon has already, the call ends at once.
   Status take() {
     HELIO_TRY(check_known(message()));
     if (message().chunk().size() > chunk_bytes_)
@@ -38,7 +38,7 @@ class UploadCall final : public WatchedReader<v1::UploadBlobRequest> {
   }
   Status begin() {
     first_ = message();
-    auto incoming = call_.session()->holdings().begin(*first_);
+    auto incoming = call_.session()->arrays().begin(*first_);
     if (!incoming) return std::unexpected(incoming.error());
     incoming_ = std::move(*incoming);
     reply_.set_size(first_->size());
@@ -50,7 +50,7 @@ class UploadCall final : public WatchedReader<v1::UploadBlobRequest> {
     if (!first_)
       return fail(Code::kInvalidArgument, "size",
                   "is missing: no message came, or none that can be read; the first one has it");
-    return call_.session()->holdings().finish(*first_, std::move(*incoming_));
+    return call_.session()->arrays().finish(*first_, std::move(*incoming_));
   }
 
   Call call_;

@@ -12,8 +12,8 @@
 namespace heliograph::server {
 namespace {
 
-/// A stream waits in a line of its own, so that its endless refinement leaves room for the other
-/// jobs of its session.
+/// Returns a scheduling line of its own for a stream, so that its endless refinement leaves room
+/// for the session's other jobs.
 u64 next_line() {
   static std::atomic<u64> last = 0;
   return ++last;
@@ -21,7 +21,7 @@ u64 next_line() {
 
 }  // namespace
 
-/// One job of the stream. It can be stopped alone.
+/// One job of the stream, which can be stopped alone.
 class StreamCall::Job final : public JobSink, public std::enable_shared_from_this<Job> {
  public:
   Job(std::shared_ptr<StreamCall> call, Settings settings)
@@ -29,12 +29,12 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
         settings_(std::move(settings)),
         on_stop_(call_->scope_.stop(), [this] { stop_.request_stop(); }) {}
 
-  /// Takes time, so on the work pool.
+  /// Starts the job. May take long: runs on the work pool.
   void start() {
     if (auto started = submit_job(); !started) done(started, {});
   }
   void stop() { stop_.request_stop(); }
-  /// Whether each camera has given a frame.
+  /// Returns true once every camera has given a frame.
   [[nodiscard]] bool has_shown_all() const { return has_shown_all_; }
 
   void progress(const Progress&) override {}
@@ -44,7 +44,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     call_->on_frame({std::move(frame), headers_});
   }
   void done(Status status, const Spent&) override {
-    // A job that was stopped for a newer one did not fail.
+    // A job stopped in favour of a newer one did not fail.
     if (stop_.stop_requested() && !call_->scope_.is_stopped()) status = {};
     call_->on_done(std::move(status));
   }
@@ -85,7 +85,7 @@ StreamCall* StreamCall::start(Daemon& daemon, grpc::CallbackServerContext& conte
   made->self_ = made;
   made->counted_ = std::move(counted);
   made->pending_charge_ = Charge::none(made->scope_.session()->tenant()->ledger.bytes);
-  daemon.watch.add(made);
+  daemon.stall_monitor.add(made);
   made->StartSendInitialMetadata();
   made->StartRead(&made->request_);
   return made.get();
@@ -106,7 +106,7 @@ void StreamCall::OnReadDone(bool ok) {
     StartRead(&request_);
   } else {
     const std::lock_guard lock(mutex_);
-    is_read_ = true;
+    client_half_closed_ = true;
     if (!taken) close(std::move(taken));
   }
   advance();
@@ -149,7 +149,7 @@ Status StreamCall::add(v1::RenderRequest settings) {
 
 bool StreamCall::has_news() const {
   if (!pending_.empty() || is_refused_) return true;
-  return settings_ && !settings_->has_revision() && head_ > shown_ && !is_read_;
+  return settings_ && !settings_->has_revision() && head_ > shown_ && !client_half_closed_;
 }
 
 void StreamCall::advance() {
@@ -171,7 +171,7 @@ void StreamCall::advance() {
 
 std::shared_ptr<StreamCall::Job> StreamCall::next_job() {
   if (result_ || scope_.is_stopped() || !has_news()) return nullptr;
-  if (!frames_.empty() || (credits_ == 0 && !is_read_)) return nullptr;
+  if (!frames_.empty() || (credits_ == 0 && !client_half_closed_)) return nullptr;
   if (is_refused_ && EventLoop::Clock::now() < retry_at_) return nullptr;
   is_refused_ = false;
   if (!pending_.empty()) {
@@ -184,7 +184,7 @@ std::shared_ptr<StreamCall::Job> StreamCall::next_job() {
   return job_;
 }
 
-/// From now on it is told of the scene's revisions.
+/// Subscribes to the scene's revisions.
 Status StreamCall::follow(u64 scene) {
   const auto entry = daemon_.scenes.find(scene, *scope_.session());
   if (!entry) return std::unexpected(Error(entry.error()).at("settings"));
@@ -241,7 +241,7 @@ void StreamCall::on_done(Status status) {
 
 // ---------------------------------------------------------------- what the client gets
 
-/// Starts the next write, or finishes. The one place that does either.
+/// Starts the next write, or finishes; the only place that does either.
 void StreamCall::pump() {
   Status result;
   bool is_part;
@@ -251,19 +251,20 @@ void StreamCall::pump() {
     if (scope_.is_stopped()) close(fail(Code::kCancelled, "", "cancelled by the client"));
     if (result_) frames_.clear(), cutter_.drop();
     is_part = next_part();
-    const bool is_over = !job_ && (result_ || (is_read_ && !has_news() && frames_.empty()));
+    const bool is_over =
+        !job_ && (result_ || (client_half_closed_ && !has_news() && frames_.empty()));
     if (!is_part && !is_over) return;
     (is_part ? is_writing_ : is_finished_) = true;
     if (is_finished_) watch_.reset();
     if (result_) result = *result_;
   }
   if (is_part) return StartWrite(&part_);
-  Finish(to_status(scope_.session()->told(result), scope_.context()));
+  Finish(to_status(scope_.session()->with_shutdown_reason(result), scope_.context()));
 }
 
 bool StreamCall::next_part() {
   if (cutter_.next(part_)) return true;
-  if (frames_.empty() || (credits_ == 0 && !is_read_)) return false;
+  if (frames_.empty() || (credits_ == 0 && !client_half_closed_)) return false;
   cutter_.begin(std::move(frames_.front()), part_);
   frames_.pop_front();
   if (credits_ > 0) --credits_;
@@ -285,21 +286,21 @@ void StreamCall::OnCancel() {
   pump();
 }
 
-/// The first one counts; the job stops.
+/// Ends the call and its job; the first status counts.
 void StreamCall::close(Status status) {
   if (!result_) result_ = std::move(status);
   scope_.request_stop();
 }
 
 void StreamCall::OnDone() {
-  end_looks();
+  end_ticks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }
 
-void StreamCall::look(EventLoop::Clock::time_point now) {
+void StreamCall::on_tick(EventLoop::Clock::time_point now) {
   const double limit = double(daemon_.config.limits.stall_seconds);
-  Status lasting = scope_.check_lasting(daemon_.gate);
+  Status lasting = scope_.check_may_continue(daemon_.gate);
   bool is_stuck;
   u64 scene;
   {
@@ -320,7 +321,7 @@ void StreamCall::look(EventLoop::Clock::time_point now) {
       const std::lock_guard lock(mutex_);
       close(std::unexpected(found.error()));
     }
-  if (is_stuck) scope_.context().TryCancel();  // a write in flight ends no other way
+  if (is_stuck) scope_.context().TryCancel();  // only this ends a write in flight
   advance();
 }
 

@@ -1,4 +1,4 @@
-// Stream: a live picture of a scene, as fast as its reader takes it.
+// Stream: a live picture of a scene, at its reader's pace.
 #pragma once
 
 #include <deque>
@@ -6,23 +6,22 @@
 #include "server/calls/call_scope.h"
 #include "server/calls/render_task.h"
 #include "server/calls/service.h"
-#include "server/observe/call_watch.h"
+#include "server/observe/stall_monitor.h"
 
 namespace heliograph::server {
 
-/// One job at a time, for the newest settings and revision. The next one starts when there is
-/// something newer to show, no frame waits and a credit is there: a slow reader costs the frame
-/// that is being sent and one that waits for each camera, and no device time.
-/// Thread: any; one mutex, never held across a call outwards.
-/// Lifetime: holds itself until gRPC is done; its job holds it.
+/// Runs one job at a time, for the newest settings and revision. The next one starts when there is
+/// something newer to show, no frame waits and a credit is available: a slow reader holds the frame
+/// being sent and one waiting frame per camera, and no device time. Thread: any; one mutex, never
+/// held across outward calls. Lifetime: owns itself until gRPC is done; its job owns it too.
 class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::FramePart>,
-                         public Watched,
+                         public Monitored,
                          public std::enable_shared_from_this<StreamCall> {
  public:
   using Request = v1::StreamRequest;
   using Reply = v1::FramePart;
 
-  /// `counted`: its share of the tenant's streams.
+  /// counted   its charge of the tenant's streams
   [[nodiscard]] static StreamCall* start(Daemon& daemon, grpc::CallbackServerContext& context,
                                          Call call, Charge counted);
 
@@ -30,7 +29,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   void OnWriteDone(bool ok) override;
   void OnCancel() override;
   void OnDone() override;
-  void look(EventLoop::Clock::time_point now) override;
+  void on_tick(EventLoop::Clock::time_point now) override;
 
  private:
   class Job;
@@ -38,7 +37,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
 
   StreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call);
   [[nodiscard]] Status take(v1::StreamRequest request);
-  [[nodiscard]] Status begin(const v1::StreamRequest& first);  // under mutex_, as those below
+  [[nodiscard]] Status begin(const v1::StreamRequest& first);  // under mutex_, like those below
   [[nodiscard]] Status add(v1::RenderRequest settings);
   [[nodiscard]] bool has_news() const;
   [[nodiscard]] std::shared_ptr<Job> next_job();
@@ -46,7 +45,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   [[nodiscard]] bool is_waited_for() const { return is_writing_ || !frames_.empty(); }
   void close(Status status);
 
-  void advance();  // starts or interrupts a job, sends what can be sent
+  void advance();  // starts or interrupts a job, sends what is ready
   void pump();
   [[nodiscard]] Status follow(u64 scene);
   void on_revision(Revision revision);
@@ -68,9 +67,9 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   Settings settings_;  // of the last job
   u64 scene_ = 0;
   SceneEntry::Watch watch_;
-  Revision head_ = 0;        // of the scene, as far as it was told
+  Revision head_ = 0;        // of the scene, as last notified
   Revision shown_ = 0;       // of the last job
-  bool is_refused_ = false;  // the last job, for now; tried again at retry_at_
+  bool is_refused_ = false;  // the last job was refused for now; retried at retry_at_
   EventLoop::Clock::time_point retry_at_;
   std::shared_ptr<Job> job_;
   std::deque<OutgoingFrame> frames_;
@@ -80,7 +79,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   Standstill standstill_;
   bool has_begun_ = false;
   bool is_lossless_ = false;
-  bool is_read_ = false;  // the client half-closed
+  bool client_half_closed_ = false;
   bool is_writing_ = false;
   bool is_finished_ = false;
 };

@@ -8,7 +8,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr double kBookmarkSeconds = 10;  // where the request names none
+constexpr double kBookmarkSeconds = 10;  // default of the request's field
 constexpr double kShortest = 0.5, kLongest = 3600;
 
 }  // namespace
@@ -40,7 +40,7 @@ WatchCall* WatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context
       new WatchCall(daemon, context, std::move(call), std::move(order)));
   made->self_ = made;
   if (auto followed = made->follow(); !followed) made->result_ = std::move(followed);
-  daemon.watch.add(made);
+  daemon.stall_monitor.add(made);
   made->advance();
   return made.get();
 }
@@ -49,7 +49,7 @@ WatchCall::WatchCall(Daemon& daemon, grpc::CallbackServerContext& context, Call 
                      WatchOrder order)
     : daemon_(daemon), scope_(context, std::move(call)), order_(std::move(order)) {}
 
-/// From now on it is told of the scene's revisions.
+/// Subscribes to the scene's revisions.
 Status WatchCall::follow() {
   const auto entry = daemon_.scenes.find(order_.scene, *scope_.session());
   if (!entry) return std::unexpected(entry.error());
@@ -59,11 +59,11 @@ Status WatchCall::follow() {
   return {};
 }
 
-/// There may be something to do.
+/// Works on the call unless a thread does already, which then looks again.
 void WatchCall::advance() {
   {
     const std::lock_guard lock(mutex_);
-    is_told_ = true;
+    is_notified_ = true;
     if (is_busy_) return;
     is_busy_ = true;
   }
@@ -73,15 +73,15 @@ void WatchCall::advance() {
 void WatchCall::post_work() {
   const u64 tenant = scope_.session()->tenant()->id;
   if (!daemon_.pool.post(tenant, [call = shared_from_this()] { call->work(); }))
-    work();  // an event is never lost to a full pool
+    work();  // here: a full pool must not lose an event
 }
 
-/// Begins the next message, or ends, or waits to be told. Called by the one that is busy.
+/// Starts the next message, or ends, or waits for a notification. Called by the busy thread.
 void WatchCall::work() {
   for (;;) {
     {
       const std::lock_guard lock(mutex_);
-      is_told_ = false;
+      is_notified_ = false;
     }
     if (scope_.is_stopped()) return finish(fail(Code::kCancelled, "", "cancelled by the client"));
     const auto has_message = next_message();
@@ -91,7 +91,7 @@ void WatchCall::work() {
       const std::lock_guard lock(mutex_);
       is_writing_ = *has_message;
       if (is_writing_) standstill_.moved();
-      if (!is_writing_ && !is_told_) {
+      if (!is_writing_ && !is_notified_) {
         if (!result_) {
           is_busy_ = false;
           return;
@@ -124,10 +124,10 @@ Expected<bool> WatchCall::next_message() {
   return true;
 }
 
-/// Stays busy, so that nobody begins anything after it.
+/// Finishes the call, which stays busy so that no thread starts anything after it.
 void WatchCall::finish(const Status& status) {
   watch_.reset();
-  Finish(to_status(scope_.session()->told(status), scope_.context()));
+  Finish(to_status(scope_.session()->with_shutdown_reason(status), scope_.context()));
 }
 
 void WatchCall::OnWriteDone(bool ok) {
@@ -144,8 +144,8 @@ void WatchCall::OnCancel() {
   advance();
 }
 
-void WatchCall::look(EventLoop::Clock::time_point now) {
-  Status lasting = scope_.check_lasting(daemon_.gate);
+void WatchCall::on_tick(EventLoop::Clock::time_point now) {
+  Status lasting = scope_.check_may_continue(daemon_.gate);
   if (lasting)
     if (const auto found = daemon_.scenes.find(order_.scene, *scope_.session()); !found)
       lasting = std::unexpected(found.error());
@@ -158,7 +158,7 @@ void WatchCall::look(EventLoop::Clock::time_point now) {
     is_bookmark_due_ |= !is_busy_ && standstill_.is_longer_than(order_.bookmark_seconds, now);
     if (!is_stuck && !is_bookmark_due_ && !result_ && !scope_.is_stopped()) return;
   }
-  if (is_stuck) scope_.context().TryCancel();  // a write in flight ends no other way
+  if (is_stuck) scope_.context().TryCancel();  // only this ends a write in flight
   advance();
 }
 

@@ -1,4 +1,4 @@
-// Flags and settings file to Config. Called by main.
+// Parses flags and settings file into a Config. Called by main.
 #include "server/config/config.h"
 
 #include <fmt/ranges.h>
@@ -50,7 +50,7 @@ std::string limits_help() {
          "error, 75 device lost.";
 }
 
-/// Keys, identities and addresses that go together.
+/// Checks that keys, identities and addresses go together.
 Status check_security(const Config& config) {
   for (const std::string& address : config.listen)
     if (auto checked = is_loopback(address); !checked) return std::unexpected(checked.error());
@@ -162,7 +162,7 @@ void add_flags(CLI::App& app, Config& config) {
       ->configurable(false);
 }
 
-/// What is not a Config's member as it stands.
+/// Flags that do not map to a member of Config.
 struct Extra {
   std::string socket_dir;
   std::string socket_group;

@@ -1,4 +1,5 @@
-// What the flags say. Parsed once by main; everybody else sees it const.
+// Configuration from the command line and the settings file. Parsed once by main, const from then
+// on.
 #pragma once
 
 #include <sys/types.h>
@@ -13,7 +14,7 @@
 
 namespace heliograph::server {
 
-/// How the process ends.
+/// Exit statuses of the process.
 enum ExitCode : int {
   kExitOk = 0,            // drained, or the owner ended
   kExitNotHealthy = 1,    // --probe: it does not serve
@@ -129,10 +130,11 @@ struct Config {
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
-  u32 threads = 0;                  // that render; 0: see --threads
-  u32 devices = 0;                  // 0: all
-  u64 spread_samples = 16'000'000;  // over all pixels of a picture
-  u64 device_memory = 0;            // bytes of each; 0: nine tenths of what is free
+  u32 threads = 0;  // threads that render; 0: see --threads
+  u32 devices = 0;  // 0: all
+  u64 spread_samples =
+      16'000'000;  // samples of a picture, over all pixels, from which it spreads over devices
+  u64 device_memory = 0;  // bytes per device; 0: nine tenths of its free memory
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;                   // "": server_path is refused
@@ -148,22 +150,23 @@ struct Config {
   std::string log_level = "warning";
   bool log_json = false;
   Limits limits;
-  std::set<std::string> limits_set;  // those that the operator set
+  std::set<std::string> limits_set;  // names of limits that the operator set
 
-  /// Whether others than this machine's users can read and use what travels.
+  /// Returns true when others than this machine's users can read or use the traffic.
   [[nodiscard]] bool is_exposed() const;
 };
 
-/// What a setting of a limit says.
+/// A parsed --limit NAME=VALUE.
 struct LimitSetting {
   u64 Limits::* limit;
   u64 value;
 };
 
-/// INVALID_ARGUMENT, at --limit: there is no such limit, or the value is no number above 0.
+/// Parses the setting of a limit. INVALID_ARGUMENT, at --limit: no such limit, or the value is no
+/// number above 0.
 [[nodiscard]] Expected<LimitSetting> parse_limit(std::string_view name, std::string_view value);
 
-/// What is_exposed() means to a client.
+/// Warning to clients and in the log when is_exposed().
 inline constexpr const char* kExposed =
     "TLS: off at an address that others reach (--insecure-i-know); they can read tokens and "
     "pictures, and stall the daemon";
@@ -172,7 +175,7 @@ inline constexpr const char* kExposed =
 /// --version were printed, or the usage error was.
 [[nodiscard]] std::expected<Config, int> parse_config(int argc, char** argv);
 
-/// The limits by name, as GetServerInfo tells them.
+/// Returns the limits by name, as GetServerInfo reports them.
 [[nodiscard]] std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits);
 
 /// Returns the path of the local channel.

@@ -28,7 +28,7 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& input) const 
   for (CLI::ConfigItem& item : CLI::ConfigTOML::from_config(input)) {
     if (is_mark(item)) continue;
     const bool is_limit = item.parents == std::vector<std::string>{kLimits};
-    // CLI11 makes a list of a key that stands there twice in a row.
+    // CLI11 merges a key repeated on consecutive lines into a list.
     if (!seen.insert(item.fullname()).second || (is_limit && item.inputs.size() != 1))
       throw CLI::ConfigError("--config: '" + item.fullname() + "' is set twice");
     if (is_limit) {

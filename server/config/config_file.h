@@ -7,15 +7,14 @@
 
 namespace heliograph::server {
 
-/// TOML: the flags' names without their dashes are the keys; the table [limits] has the limits.
-/// Strings, numbers, true and false, and lists of them on one line.
+/// TOML: the keys are the flags' names without dashes; the table [limits] has the limits. Values
+/// are strings, numbers, booleans, and one-line lists of them.
 class ConfigFile final : public CLI::ConfigTOML {
  public:
-  /// limits: gets the file's, as "NAME=VALUE", in the order in which they stand there.
+  /// limits   receives the file's limits as "NAME=VALUE", in file order
   ConfigFile(const CLI::App& app, std::vector<std::string>& limits) : app_(app), limits_(limits) {}
 
-  /// Throws CLI::ConfigError, which names the key, when there is no such setting or it stands there
-  /// twice.
+  /// Throws CLI::ConfigError, which names the key, for an unknown or repeated setting.
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
 
  private:

@@ -18,11 +18,11 @@ namespace {
 
 constexpr u64 kNoLimit = std::numeric_limits<u64>::max();
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, the journal, logs, metrics
-constexpr u64 kFewDescriptors = 8;      // are left to frames in any case
+constexpr u64 kFewDescriptors = 8;      // at least, left to frames
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its local channel
 constexpr u64 kManyCores = 8;
 
-/// A number in a file of the kernel; "max" and what is not there are no limit.
+/// Reads a number from a kernel file; "max" or a missing file: no limit.
 u64 number_in(const std::string& path) {
   std::ifstream file(path);
   std::string text;
@@ -36,14 +36,14 @@ u64 cores_of(u64 quota, u64 period) {
   return quota == kNoLimit || period == 0 ? kNoLimit
                                           : std::max<u64>(1, (quota + period - 1) / period);
 }
-/// "max 100000" or "150000 100000": microseconds in so many.
+/// Parses "max 100000" or "150000 100000", quota and period in microseconds, into cores.
 u64 cores_in(const std::string& path) {
   std::ifstream file(path);
   u64 quota = 0, period = 0;
   return file >> quota >> period ? cores_of(quota, period) : kNoLimit;
 }
 
-/// The least of a group and those above it, up to the root of its hierarchy.
+/// Returns the smallest value of a group and its ancestors.
 template <class Read>
 u64 least_upwards(const std::string& root, std::string group, const Read& read) {
   u64 least = read(root);
@@ -54,7 +54,7 @@ u64 least_upwards(const std::string& root, std::string group, const Read& read) 
   return least;
 }
 
-/// How one controller's limit is read from a group's folder, version 1 or 2.
+/// How to read one controller's limit from a group's folder, cgroup version 1 or 2.
 struct Controller {
   const char* name;
   u64 (*now)(const std::string& folder);
@@ -109,12 +109,12 @@ constexpr Share kShares[] = {
     {"decode_result_bytes", &Limits::decode_result_bytes, 4},
 };
 
-/// Lowers limits one by one, and notes which.
+/// Lowers limits and records each change.
 class Fitting {
  public:
   explicit Fitting(Config& config) : config_(config) {}
 
-  /// Whether it was lowered: not when the operator set it.
+  /// Lowers a limit to `most`. False when it was lower already, or set by the operator.
   bool lower(const char* name, u64 Limits::* limit, u64 most) {
     const bool is_kept = config_.limits_set.contains(name);
     const u64 from = config_.limits.*limit;
@@ -154,8 +154,8 @@ void fit_descriptors(Fitting& fitting, const Limits& limits, u64 machine) {
                 machine > taken + kFewDescriptors ? machine - taken : kFewDescriptors);
 }
 
-/// Of many cores, one is left to what is quick: without, threads that answer calls wait for the
-/// kernel to take a core from one that renders.
+/// Returns the number of render threads: from 8 cores on, one core stays free, since threads that
+/// answer calls would wait for the scheduler.
 u32 threads_of(u64 cores) { return u32(cores < kManyCores ? cores : cores - 1); }
 
 }  // namespace

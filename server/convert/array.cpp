@@ -42,7 +42,7 @@ bool matches(const v1::Array& array, const Dims& dims) {
   return true;
 }
 
-/// Bytes of the whole array; nullopt when they do not fit 64 bits.
+/// Returns the bytes of the whole array; nullopt when they exceed 64 bits.
 std::optional<u64> byte_count(const v1::Array& array) {
   u64 bytes = dtype_size(array.dtype());
   for (const u64 n : array.shape())
@@ -50,7 +50,7 @@ std::optional<u64> byte_count(const v1::Array& array) {
   return bytes;
 }
 
-/// Index of the first number all of whose exponent bits are set.
+/// Returns the index of the first number with all exponent bits set.
 template <class Bits>
 u64 first_special(std::span<const Bits> values, Bits exponent) {
   for (std::size_t begin = 0; begin < values.size(); begin += kBlock) {

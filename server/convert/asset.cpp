@@ -29,7 +29,7 @@ struct AddName {
 
 constexpr std::size_t kPieceBytes = 1u << 20;
 
-/// Moves the names of a list, at its end, to pieces.
+/// Moves names from the end of a list into pieces.
 class Cutter {
  public:
   explicit Cutter(std::vector<v1::AssetInfo>& pieces) : pieces_(pieces) {}

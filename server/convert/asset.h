@@ -1,4 +1,4 @@
-// What clients are told about a decoded asset. Called by DecodeAsset.
+// A decoded asset in the reply to clients. Called by DecodeAsset.
 #pragma once
 
 #include <vector>
@@ -8,12 +8,13 @@
 
 namespace heliograph::server {
 
-/// Names by kind, in the order of the edits; "" where one has none. `sha256` is the asset's hash.
+/// Returns an asset's names by kind, in the order of the edits; "" for unnamed objects. `sha256` is
+/// the asset's hash.
 [[nodiscard]] v1::AssetInfo to_info(const Asset& asset, const vec3& bounds_min,
                                     const vec3& bounds_max);
-/// A lone picture, whose texels are the blob of this hash.
+/// Returns the reply for a lone picture, whose texels are the blob of this hash.
 [[nodiscard]] v1::AssetInfo to_info(const ImageData& image, bool srgb, const std::string& blob);
-/// Pieces of about 1 MiB, at least one, whose merger it is.
+/// Splits a reply into pieces of about 1 MiB, at least one; merged, they give the reply again.
 [[nodiscard]] std::vector<v1::AssetInfo> cut(const v1::AssetInfo& info);
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// World boxes of entities with everything beneath them. Called by read.
+// World-space boxes of entities with their descendants. Called by read.
 #pragma once
 
 #include <optional>
@@ -12,14 +12,14 @@ struct Box {
   vec3 min{0}, max{0};
 };
 
-/// World poses and children of one snapshot at its time, found once and used for many entities.
+/// World poses and children in one snapshot at its time, computed once and used for many entities.
 class WorldBoxes {
  public:
   explicit WorldBoxes(const Snapshot& snapshot);
 
   [[nodiscard]] const mat4x3& pose(u32 entity) const { return poses_[entity]; }
-  /// Around every vertex that the entity and its descendants show as they are posed, morphed and
-  /// skinned at the snapshot's time; nullopt where none has a mesh.
+  /// Returns the box of all vertices of an entity and its descendants as posed, morphed and skinned
+  /// at the snapshot's time; nullopt where none has a mesh.
   [[nodiscard]] std::optional<Box> of(u32 entity) const;
 
  private:

@@ -96,7 +96,7 @@ Status read_distortion(const v1::Camera& message, Camera& camera) {
   return {};
 }
 
-/// How many coefficients it takes to say these: 0, 4, 5 or 8.
+/// Returns the number of coefficients needed: 0, 4, 5 or 8.
 std::size_t coefficients_of(const Camera& camera) {
   const auto zero = [](double k) { return k == 0; };
   const auto& k = camera.distortion;

@@ -95,7 +95,7 @@ Expected<Advance> to_advance(const v1::Advance& message) {
       fmt::format("is {} s; time goes forward: give more than 0 and at most 1e9", message.dt()));
 }
 
-/// Takes the action of one case; the field's name prefixes its errors.
+/// Reads the action of one case; the field's name prefixes its errors.
 Expected<Action> to_action(const v1::Edit& edit, ArraySource& source) {
   Action action;
   switch (edit.action_case()) {
@@ -141,7 +141,7 @@ Expected<Action> to_action(const v1::Edit& edit, ArraySource& source) {
   return action;
 }
 
-/// Edits of the scene itself have no target; the others may have one, a removal must.
+/// Checks the target: edits of the scene have none, a removal must have one, others may.
 Status check_target(const Edit& edit, bool given) {
   const bool named = !std::holds_alternative<std::monostate>(edit.target);
   const bool of_scene = std::holds_alternative<PutSettings>(edit.action) ||
@@ -200,7 +200,7 @@ struct WriteAction {
   void operator()(const Prune&) const { edit.mutable_prune(); }
 };
 
-/// Reads each edit, then does `after` with its index.
+/// Reads each edit, then calls `after` with its index.
 template <class After>
 Expected<Transaction> read_edits(const v1::Transaction& message, ArraySource& source,
                                  const After& after) {

@@ -45,7 +45,7 @@ v1::Visibility visibility_to_proto(u8 mask) {
   return message;
 }
 
-/// What an entity refers to.
+/// References of an entity.
 Status read_bindings(const v1::Entity& message, ArraySource& source, PutEntity& patch) {
   if (message.has_parent()) HELIO_TAKE(patch.parent, to_ref(message.parent()), "parent");
   if (message.has_mesh()) HELIO_TAKE(patch.mesh, to_ref(message.mesh()), "mesh");
@@ -56,7 +56,7 @@ Status read_bindings(const v1::Entity& message, ArraySource& source, PutEntity& 
   return {};
 }
 
-/// Writes a component, or its name into `clear` when it is taken away.
+/// Writes a component, or adds its name to `clear` when it is removed.
 template <class T, class Write>
 void write_component(const Boxed<std::optional<T>>& component, const char* name,
                      v1::Entity& message, Write&& write) {

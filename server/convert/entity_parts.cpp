@@ -1,4 +1,4 @@
-// What an entity carries itself: label, skin, portal.
+// Parts of an entity itself: label, skin, portal.
 #include <fmt/format.h>
 
 #include "server/convert/fields.h"

@@ -33,7 +33,7 @@ constexpr std::size_t kLongestMessage = 1536;
 constexpr std::size_t kLongestPath = 512;
 constexpr std::size_t kLongestLists = 1024;
 
-/// At most `bytes`, never within a UTF-8 character.
+/// Cuts to at most `bytes`, never within a UTF-8 character.
 std::string cut(const std::string& text, std::size_t bytes) {
   if (text.size() <= bytes) return text;
   std::size_t end = bytes;
@@ -41,7 +41,7 @@ std::string cut(const std::string& text, std::size_t bytes) {
   return text.substr(0, end) + "...";
 }
 
-/// Calls add(index, name) for the first names, as many as there is room for.
+/// Calls add(index, name) for as many of the first names as there is room for.
 template <class Add>
 void add_names(const std::vector<std::string>& names, std::size_t& room, const Add& add) {
   for (std::size_t i = 0; i < names.size() && names[i].size() <= room; ++i) {
@@ -50,7 +50,7 @@ void add_names(const std::vector<std::string>& names, std::size_t& room, const A
   }
 }
 
-/// Of an error that has none of its own.
+/// Returns the reason of an error that sets none.
 const char* reason_of_code(const Error& error) {
   switch (error.code) {
     case Code::kCancelled:

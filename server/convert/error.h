@@ -1,4 +1,4 @@
-// Errors on their way out: the only translation to gRPC's status. Called by every handler.
+// Conversion of errors to gRPC status, the only place that does it. Called by every handler.
 #pragma once
 
 #include <grpcpp/impl/codegen/server_context.h>
@@ -11,18 +11,19 @@
 
 namespace heliograph::server {
 
-/// What a client is told, as errors.proto says. At most 4 KiB: long lists and messages are cut,
-/// because metadata is limited; internal errors are not spelled out.
+/// Returns the status sent to the client, as errors.proto says. At most 4 KiB, since metadata is
+/// limited: long lists and messages are cut. Internal errors are not spelled out.
 [[nodiscard]] google::rpc::Status to_proto(const Error& error);
-/// Why, as the name of an ErrorReason without its prefix.
+/// Returns the reason, the name of an ErrorReason without its prefix.
 [[nodiscard]] std::string reason_of(const Error& error);
-/// Whether the client is not told what it really was.
+/// Returns true when the true message is hidden from the client.
 [[nodiscard]] bool is_hidden(const Error& error);
-/// Trailing metadata that the call log takes out again: what an internal error really was.
+/// Trailing metadata that carries the hidden message of an internal error to the call log, which
+/// removes it.
 inline constexpr const char* kHiddenMessage = "heliograph-hidden-message";
-/// The status, with its details.
+/// Returns the status with its details.
 [[nodiscard]] grpc::Status to_status(const Error& error, grpc::ServerContextBase& context);
-/// OK, or the above.
+/// Returns OK, or the status of the error.
 [[nodiscard]] grpc::Status to_status(const Status& status, grpc::ServerContextBase& context);
 
 }  // namespace heliograph::server

@@ -13,14 +13,15 @@
 
 namespace heliograph::server {
 
-/// The header of a scene file without its blobs: the edits that make the scene. And back, which
+/// Returns the header of a scene file, without blobs: the edits that make the scene. The inverse
 /// takes the edits out of the header.
 [[nodiscard]] v1::SceneChunk::Header scene_header(const Snapshot& snapshot, const ArraySink& sink);
 [[nodiscard]] Expected<SceneDescription> to_description(v1::SceneChunk::Header&& header,
                                                         ArraySource& source);
 
-/// A snapshot as a self-contained sequence of chunks, made one at a time: the header with the edits
-/// that build it, then each array of more than 4 KiB once, by its hash. Thread: one at a time.
+/// Splits a snapshot into a self-contained sequence of chunks, made one at a time: the header with
+/// the edits that make it, then each array of more than 4 KiB once, by its hash. Thread: one at a
+/// time.
 class SceneExport {
  public:
   explicit SceneExport(const Snapshot& snapshot);
@@ -31,13 +32,13 @@ class SceneExport {
   void add_blob(const BufferPtr& bytes, v1::Array& array);
 
   v1::SceneChunk::Header header_;
-  std::string header_bytes_;  // of a header that does not fit one message
+  std::string header_bytes_;  // a header that exceeds one message
   std::vector<BufferPtr> blobs_;
   std::map<u64, std::string> hashes_;  // by serial
   std::map<std::string, u32> index_;   // by hash
   bool header_sent_ = false;
   std::size_t blob_ = 0;
-  u64 offset_ = 0;  // bytes sent of the header or of the present blob
+  u64 offset_ = 0;  // bytes sent of the header or the current blob
 };
 
 }  // namespace heliograph::server

@@ -1,5 +1,5 @@
-// Small steps that every noun here shares: take a field or return its error under the field's name,
-// ranges, enum tables, lists of fields to clear.
+// Shared steps of all nouns: take a field or return its error under the field's name, check ranges,
+// enum tables, lists of fields to clear.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +31,7 @@
 
 namespace heliograph::server {
 
-/// A closed interval. As an f32, an end may lie a little outside of it: it is accepted.
+/// A closed interval. An f32 may lie outside by the rounding of its end.
 struct Range {
   double low;
   double high;
@@ -39,7 +39,7 @@ struct Range {
 inline constexpr Range kAnyFinite{-3.4e38, 3.4e38};
 inline constexpr Range kNotNegative{0, 3.4e38};
 
-/// The number, or INVALID_ARGUMENT saying what it is and what it may be.
+/// Returns the number, or INVALID_ARGUMENT with the value and the range.
 [[nodiscard]] Expected<double> in_range(double value, Range range);
 [[nodiscard]] Expected<vec3> to_vec3(const v1::Vec3& message, Range range);
 [[nodiscard]] v1::Vec3 to_proto(const vec3& v);
@@ -49,28 +49,28 @@ inline constexpr Range kNotNegative{0, 3.4e38};
 [[nodiscard]] Expected<std::vector<Ref>> to_refs(
     const google::protobuf::RepeatedPtrField<v1::Ref>& messages);
 
-/// "field[3]".
+/// Returns "field[3]".
 [[nodiscard]] std::string indexed(std::string_view field, u64 index);
-/// The name of a light group, at most 256 bytes, or INVALID_ARGUMENT.
+/// Checks the name of a light group, at most 256 bytes. INVALID_ARGUMENT.
 [[nodiscard]] Expected<std::string> to_group(std::string_view name);
-/// 32 bytes, or INVALID_ARGUMENT.
+/// Checks that a hash has 32 bytes. INVALID_ARGUMENT.
 [[nodiscard]] Status check_hash(std::string_view hash);
-/// Lower-case hexadecimal digits, for messages.
+/// Returns lower-case hexadecimal digits, for messages.
 [[nodiscard]] std::string hex(std::string_view bytes);
 
-/// A table from a proto enum's numbers to ours; 0 (unspecified) holds the default. Unknown numbers
-/// were refused by check_known().
+/// Table from a proto enum's numbers to domain values; 0 (unspecified) holds the default.
+/// check_known() has refused unknown numbers.
 template <class E, std::size_t N>
 [[nodiscard]] E from_enum(const std::array<E, N>& table, int value) {
   return table[std::size_t(std::clamp(value, 0, int(N) - 1))];
 }
-/// The number, never 0, whose entry is `value`.
+/// Returns the number, never 0, of a value.
 template <class P, class E, std::size_t N>
 [[nodiscard]] P to_enum(const std::array<E, N>& table, E value) {
   return P(std::find(table.begin() + 1, table.end(), value) - table.begin());
 }
 
-/// How one field of a patch is cleared.
+/// Name of a field of a patch, and how to clear it.
 template <class Patch>
 struct Clear {
   std::string_view name;
@@ -80,7 +80,8 @@ struct Clear {
 [[nodiscard]] std::unexpected<Error> unknown_clear(u64 index, const std::string& name,
                                                    std::span<const std::string_view> valid);
 
-/// Resets every field that `names` lists; INVALID_ARGUMENT lists the valid names.
+/// Clears every field that `names` lists. INVALID_ARGUMENT, which lists the valid names, for an
+/// unknown one.
 template <class Patch, std::size_t N>
 [[nodiscard]] Status clear_fields(const google::protobuf::RepeatedPtrField<std::string>& names,
                                   const std::array<Clear<Patch>, N>& table, Patch& patch) {

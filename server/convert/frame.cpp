@@ -37,7 +37,7 @@ v1::Array inline_array(v1::DType type, const std::vector<u64>& shape,
   return array;
 }
 
-/// Square ones, row-major f64; `shape` is what comes before their own dimensions.
+/// Converts square matrices to row-major f64; `shape` are the leading dimensions.
 template <class Matrix>
 v1::Array matrix_array(std::span<const Matrix> matrices, std::vector<u64> shape = {}) {
   std::vector<double> numbers;
@@ -69,7 +69,7 @@ v1::PlaneInfo to_proto(const PlaneData& data, const v1::PlaneRequest& request) {
   return message;
 }
 
-/// Where its pictures are seen from.
+/// Adds intrinsics and poses of the cameras, and the shutter.
 void add_views(const Frame& frame, v1::FrameHeader& message) {
   if (!frame.worlds) {
     *message.mutable_k() = matrix_array<glm::dmat3>(std::span(&frame.k, 1));

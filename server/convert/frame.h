@@ -1,4 +1,4 @@
-// Frames, columns and progress on their way to the wire. Called by Render and Query.
+// Conversion of frames, columns and progress to messages. Called by Render and Query.
 #pragma once
 
 #include <span>
@@ -10,25 +10,25 @@
 
 namespace heliograph::server {
 
-/// What a header says besides the frame: who rendered it, and for which request.
+/// Context of a header: who rendered the frame, and for which request.
 struct FrameContext {
   v1::RenderRequest request;
-  std::shared_ptr<const RenderJob> job;  // made of the request
+  std::shared_ptr<const RenderJob> job;  // made from the request
   std::string version;                   // of the daemon
   std::string backend;
   std::string cpu_features;
-  Trace trace = {};  // of the call, where it has one
+  Trace trace = {};  // of the call; may be empty
 };
 
-/// The header of a frame but for its manifest; its planes' bytes follow in chunks.
+/// Returns the header of a frame without its manifest; the planes' bytes follow in chunks.
 [[nodiscard]] v1::FrameHeader to_header(const Frame& frame, const FrameContext& context);
 
-/// A request that renders the frame again to the same bytes: everything that was left to defaults,
-/// to time or to noise is written out. An overlay of more than 64 KiB is left out.
+/// Returns a request that renders the frame again to the same bytes: defaults, times and stop rules
+/// are written out. Leaves out an overlay of more than 64 KiB.
 [[nodiscard]] v1::RenderRequest request_again(const Frame& frame, const FrameContext& context);
 [[nodiscard]] std::string json_of(const v1::RenderRequest& request);
-/// JSON of that request, who rendered the frame, the hash of its overlay, and the caller's trace,
-/// which is the one thing that differs between equal requests.
+/// Returns the manifest, JSON: that request, who rendered the frame, the hash of its overlay, and
+/// the caller's trace, the only part that differs between equal requests.
 ///
 /// request_json   json_of(request_again())
 [[nodiscard]] std::string manifest(const Frame& frame, const FrameContext& context,
@@ -39,14 +39,14 @@ struct FrameContext {
 [[nodiscard]] v1::LabelColumn to_proto(const Column& column);
 [[nodiscard]] v1::Progress to_proto(const Progress& progress);
 
-/// A plane as it travels: f32 as f16 where the request wants that.
+/// A plane on the wire: f32 converted to f16 where the request asks for it.
 class WirePlane {
  public:
   WirePlane(const PlaneData& plane, bool half) : plane_(plane), half_(half) {}
 
   [[nodiscard]] bool is_half() const { return half_; }
   [[nodiscard]] u64 size() const { return half_ ? plane_.pixels.size() / 2 : plane_.pixels.size(); }
-  /// At most `limit` bytes from `offset` on, at least one pixel's number.
+  /// Returns at most `limit` bytes from `offset` on, and at least one value.
   [[nodiscard]] std::string chunk(u64 offset, u64 limit) const;
 
  private:

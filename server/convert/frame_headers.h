@@ -1,5 +1,5 @@
-// The headers of a job's frames. Their manifests are JSON, which takes Protocol Buffers longer than
-// a small frame's last steps: they are written while the frames are rendered.
+// Headers of a job's frames. Writing their manifests as JSON takes Protocol Buffers longer than the
+// last steps of a small frame, so they are written while the frames are rendered.
 #pragma once
 
 #include <map>
@@ -9,16 +9,16 @@
 
 namespace heliograph::server {
 
-/// Thread: any.
+/// Makes the headers of one job. Thread: any.
 class FrameHeaders {
  public:
   explicit FrameHeaders(FrameContext context) : context_(std::move(context)) {}
 
-  /// Writes what the manifests will say, where the stop rule tells it. Called once the job is
-  /// queued, by who has nothing else to do.
+  /// Writes the manifests ahead, where the stop rule determines them. Called once the job is
+  /// queued, by an otherwise idle thread.
   void write_ahead();
   [[nodiscard]] v1::FrameHeader header(const Frame& frame);
-  /// The client reads PlaneInfo.buffer.
+  /// Returns true when the client reads PlaneInfo.buffer.
   [[nodiscard]] bool name_buffers() const { return context_.request.buffers_in_header(); }
 
  private:
@@ -31,7 +31,7 @@ class FrameHeaders {
   const FrameContext context_;
   std::mutex mutex_;
   std::map<u32, Written> ahead_;  // by camera; guarded by mutex_
-  u32 given_ = 0;                 // frames of so many cameras have their header; the same
+  u32 given_ = 0;                 // cameras whose frame has its header; guarded by mutex_
 };
 
 }  // namespace heliograph::server

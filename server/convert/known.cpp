@@ -1,4 +1,5 @@
-// Refuses what this version does not know: a field ignored would be a silently wrong picture.
+// Refuses fields and enum values that this version does not know: ignoring one would silently give
+// a wrong picture.
 #include <fmt/format.h>
 #include <google/protobuf/unknown_field_set.h>
 
@@ -41,7 +42,7 @@ Status check_repeated(const Message& message, const FieldDescriptor& field) {
   return {};
 }
 
-/// The fields of a message that hold messages and enums.
+/// Fields of a message that hold messages or enums.
 const std::vector<const FieldDescriptor*>& fields_to_check(const Message& message) {
   static thread_local std::unordered_map<const Descriptor*, std::vector<const FieldDescriptor*>>
       known;

@@ -24,7 +24,7 @@ constexpr Range kSunAngle{1e-4, 3.14};
 constexpr Range kSize{1e-6, 1e6};
 constexpr Range kOuterAngle{1e-3, 1.5708};
 
-/// Whether a reference names an object; id 0 is nothing.
+/// Returns true when a reference names an object; id 0 is none.
 bool binds(const v1::Ref& ref) {
   return ref.has_name() || ref.has_created_by_edit() || ref.id() != 0;
 }
@@ -35,7 +35,7 @@ Status only(bool allowed, bool set, const char* field, const char* remedy) {
   return fail(Code::kInvalidArgument, field, remedy);
 }
 
-/// What suns and other lights do not share.
+/// Checks fields that apply to suns only, or to other lights only.
 Status check_sun(const v1::Light& message, LightUnit unit) {
   const bool sun = message.sun_angle() != 0;
   const bool of_sun = unit == LightUnit::kIrradiance || unit == LightUnit::kIlluminance;
@@ -52,7 +52,7 @@ Status check_sun(const v1::Light& message, LightUnit unit) {
               "is infinitely far away as a sun; leave out sun_angle or shape");
 }
 
-/// What shapes alone have, each its own.
+/// Checks fields that apply to shapes, or to one kind of shape, only.
 Status check_shape(const v1::Light& message, LightUnit unit) {
   const LightShape shape = from_enum(kShapes, message.shape());
   const bool any = shape != LightShape::kMesh, flat = shape == LightShape::kRectangle;
@@ -67,7 +67,7 @@ Status check_shape(const v1::Light& message, LightUnit unit) {
               "is within a cone; give its outer_cone_angle");
 }
 
-/// What profiles and other lights do not share.
+/// Checks units and fields that apply only with, or only without, a profile.
 Status check_profile(const v1::Light& message, LightUnit unit) {
   const bool profile = binds(message.profile());
   HELIO_TRY(only(profile, unit == LightUnit::kProfileScale, "unit",

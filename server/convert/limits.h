@@ -1,4 +1,4 @@
-// Limits of what a request names and lists. Used by the handlers, which know them.
+// Checks of counts and sizes in requests. Used by the handlers.
 #pragma once
 
 #include <string_view>
@@ -9,9 +9,9 @@
 
 namespace heliograph::server {
 
-/// RESOURCE_EXHAUSTED, at "edits", when there are more than `most`.
+/// Checks the number of edits. RESOURCE_EXHAUSTED, at "edits", when there are more than `most`.
 [[nodiscard]] Status check_count(const v1::Transaction& message, u64 most);
-/// INVALID_ARGUMENT, at "request_id", when it has more than 256 bytes.
+/// Checks a request id. INVALID_ARGUMENT, at "request_id", when it has more than 256 bytes.
 [[nodiscard]] Status check_request_id(std::string_view id);
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// The manifest of a frame: what renders it again.
+// The manifest of a frame: the request that renders it again.
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kLargestOverlay = 64 << 10;
 
-/// Those of the frame, by name where they have one: ids do not survive a scene file.
+/// Names the frame's cameras, by name where they have one: ids do not survive a scene file.
 void name_cameras(const Frame& frame, v1::RenderRequest& request) {
   const auto name = [](v1::Ref& camera, const std::string& text) {
     if (!text.empty()) camera.set_name(text);
@@ -29,7 +29,7 @@ void name_cameras(const Frame& frame, v1::RenderRequest& request) {
   name(*request.mutable_cameras(0), frame.camera);
 }
 
-/// Worlds stay if they are small and all in the message.
+/// Keeps worlds that are small and lie in the message completely.
 void keep_worlds(const RenderJob& job, v1::RenderRequest& request) {
   v1::Worlds& worlds = *request.mutable_worlds();
   const auto is_here = [](const v1::Array& array) { return array.has_inline_(); };

@@ -34,7 +34,7 @@ void set_value(const vec3& value, v1::ColorParameter& message) {
 template <class Message>
 constexpr bool kIsScalar = std::is_same_v<Message, v1::ScalarParameter>;
 
-/// Writes over what `clear` may have put there.
+/// Overwrites values that `clear` may have set.
 template <class Message>
 Status read_parameter(const Message& message, ArraySource& source, Range range,
                       ParameterPatch& patch) {

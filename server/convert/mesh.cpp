@@ -8,7 +8,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kLargestCount = 0xfffffffeu;  // of vertices: 2^32 - 2
+constexpr u64 kLargestCount = 0xfffffffeu;  // vertices: 2^32 - 2
 
 bool has_topology(const v1::Mesh& m) {
   return m.has_indices() || m.has_uvs() || m.has_uvs1() || m.has_colors() || m.has_tangents() ||
@@ -17,7 +17,8 @@ bool has_topology(const v1::Mesh& m) {
          m.has_skeleton() || m.symmetries_size() > 0;
 }
 
-/// What is sent together: the topology with its vertices, normals and times with their positions.
+/// Checks that fields that belong together are sent together: topology with vertices, normals and
+/// times with positions.
 Status check_complete(const v1::Mesh& message) {
   if (message.clear_size() > 0)
     return fail(Code::kInvalidArgument, "clear[0]",
@@ -33,7 +34,7 @@ Status check_complete(const v1::Mesh& message) {
   return {};
 }
 
-/// Vertices a key, by the shape of the positions: (V, 3) or (K, V, 3).
+/// Returns the vertices per key, by the shape of the positions: (V, 3) or (K, V, 3).
 Expected<u32> vertex_count(const v1::Array& positions) {
   const int rank = positions.shape_size();
   const u64 count = rank == 2 || rank == 3 ? positions.shape(rank - 2) : 0;

@@ -1,4 +1,4 @@
-// What of a mesh does not move: triangles, attributes, parts, skin, morph targets, metadata.
+// The constant parts of a mesh: triangles, attributes, parts, skin, morph targets, metadata.
 #include <fmt/format.h>
 
 #include <set>
@@ -11,7 +11,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr double kWeightTolerance = 1e-3;
-constexpr u64 kLargestCount = 0xfffffffeu;  // of triangles: 2^32 - 2
+constexpr u64 kLargestCount = 0xfffffffeu;  // triangles: 2^32 - 2
 
 Expected<ArrayOf<uvec3>> read_triangles(const v1::Array& array, u32 vertices, ArraySource& source) {
   if (array.shape_size() > 0 && (array.shape(0) < 1 || array.shape(0) > kLargestCount))

@@ -10,15 +10,15 @@
 namespace heliograph::server {
 
 // pose.cpp
-/// (4, 4), (N, 4, 4) or (N, M, 4, 4) affine matrices; the last row is 0 0 0 1.
+/// Reads (4, 4), (N, 4, 4) or (N, M, 4, 4) affine matrices; the last row is 0 0 0 1.
 [[nodiscard]] Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& source,
                                                         const Dims& dims);
-/// The same, each with an invertible 3x3 part.
+/// The same with an invertible 3x3 part each.
 [[nodiscard]] Expected<std::vector<mat4x3>> read_poses(const v1::Array& array, ArraySource& source,
                                                        const Dims& dims);
 [[nodiscard]] Expected<ArrayOf<mat4x3>> read_many_poses(const v1::Array& array, ArraySource& source,
                                                         const Dims& dims);
-/// (N, 4, 4) f32; (4, 4) when `single`.
+/// Returns (N, 4, 4) f32; (4, 4) when `single`.
 [[nodiscard]] v1::Array to_array(std::span<const mat4x3> matrices, bool single,
                                  const ArraySink& sink);
 
@@ -36,7 +36,7 @@ namespace heliograph::server {
 // mesh.cpp, mesh_topology.cpp
 [[nodiscard]] Expected<PutMesh> to_mesh(const v1::Mesh& message, ArraySource& source);
 [[nodiscard]] v1::Mesh to_proto(const PutMesh& patch, const ArraySink& sink);
-/// All of a mesh but positions, times and normals.
+/// Reads everything of a mesh but positions, times and normals.
 [[nodiscard]] Expected<MeshTopology> to_topology(const v1::Mesh& message, u32 vertex_count,
                                                  ArraySource& source);
 void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh& message);
@@ -47,7 +47,7 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 
 // sensor.cpp
 [[nodiscard]] Expected<RgbSensor> to_rgb_sensor(const v1::RgbSensor& message);
-/// camera: what it is a part of.
+/// camera   the camera that it belongs to
 [[nodiscard]] Expected<DepthSensor> to_depth_sensor(const v1::DepthSensor& message,
                                                     const Camera& camera);
 [[nodiscard]] v1::RgbSensor to_proto(const RgbSensor& sensor);

@@ -1,4 +1,4 @@
-// One live object of a snapshot as the edit that would make it. Called by read.
+// Describes a live object of a snapshot as the edit that would make it. Called by read.
 #pragma once
 
 #include "renderer/scene/snapshot.h"
@@ -6,9 +6,9 @@
 
 namespace heliograph::server {
 
-/// Every field of a live object, defaults included; references are ids.
+/// Returns every field of a live object, defaults included; references are ids.
 [[nodiscard]] Action describe_object(const Snapshot& snapshot, Id id);
-/// The dome, or the defaults where there is none.
+/// Returns the dome, or the defaults where there is none.
 [[nodiscard]] PutDome describe_dome(const Snapshot& snapshot);
 
 }  // namespace heliograph::server

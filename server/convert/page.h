@@ -7,20 +7,20 @@
 
 namespace heliograph::server {
 
-/// Takes entries in the order of their keys, until it is full; a page holds an entry at least. Its
-/// token is the key of the first entry that it has no room for.
+/// Collects entries in key order until it is full; it holds at least one. Its token is the key of
+/// the first entry without room.
 class Page {
  public:
   static constexpr u64 kBytes = 1u << 20;
 
-  /// size: the most entries; 0: as many as a page holds. INVALID_ARGUMENT, at "page_token", for
-  /// what no page gave.
+  /// Opens a page. size: maximal number of entries; 0: as many as a page holds. INVALID_ARGUMENT,
+  /// at "page_token", for a token that no page returned.
   [[nodiscard]] static Expected<Page> open(u32 size, const std::string& token);
-  /// The first key that belongs to it.
+  /// Returns the first key that belongs to it.
   [[nodiscard]] u64 first() const { return first_; }
-  /// Whether an entry is in it, at or after first(). False: the page is full, and so it stays.
+  /// Adds an entry at or after first(). False: the page is full, and stays so.
   [[nodiscard]] bool take(u64 key, u64 bytes);
-  /// Of the next page; "": there is none.
+  /// Returns the token of the next page; "": none.
   [[nodiscard]] const std::string& next() const { return next_; }
 
  private:

@@ -1,5 +1,4 @@
-// Planes of the wire and of the kernels: a plane that one list has and the other lacks does not
-// compile.
+// Planes of the wire and of the kernels: a plane in only one of the two lists does not compile.
 #include "server/convert/render.h"
 
 namespace heliograph::server {

@@ -20,10 +20,10 @@ namespace {
 
 enum class Needs : u8 { kAffine, kInvertible };
 
-constexpr std::size_t kNumbers = 16;  // of a matrix
-constexpr std::size_t kGrain = 4096;  // matrices that are worth a thread
+constexpr std::size_t kNumbers = 16;  // numbers per matrix
+constexpr std::size_t kGrain = 4096;  // matrices per thread at least
 
-/// Whether nothing is wrong with a matrix.
+/// Reads one matrix; false: it is not finite, not affine, or not invertible where that is needed.
 template <class T>
 bool take(const T* m, Needs needs, mat4x3& out) {
   if (!kernels::take_affine(m, out)) return false;
@@ -49,8 +49,8 @@ std::string matrix_path(const Dims& dims, u64 index) {
   return fmt::format("[{}][{}]", index / *dims[1].size, index % *dims[1].size);
 }
 
-/// Of numbers that take_all() found something wrong with: the first that is not finite, or else the
-/// first matrix that is not affine, or else not invertible.
+/// Returns the error of numbers that take_all() found invalid: the first not finite, else the first
+/// matrix that is not affine, else the first not invertible.
 Status why_not(const RawArray& numbers, const Dims& dims, std::span<const mat4x3> matrices) {
   const auto raw = to_f32(numbers, kNumbers);
   if (!raw) return std::unexpected(raw.error());
@@ -77,13 +77,13 @@ Status convert(const RawArray& raw, const Dims& dims, Needs needs, std::span<mat
 
 using Matrices = std::shared_ptr<mat4x3[]>;
 
-/// From where they lie, without a copy. Null: they cannot be read so, or something is wrong with
-/// one of them.
+/// Reads the matrices in place, without a copy. Null: that is not possible, or one of them is
+/// invalid.
 template <class T>
 Expected<Matrices> convert_pieces(const v1::Array& array, ArraySource& source, u64 bytes) {
   constexpr u64 kBytes = kNumbers * sizeof(T);
   Matrices matrices;
-  std::once_flag is_there;  // the source has so many
+  std::once_flag is_there;  // allocates with the first piece: the source has confirmed the size
   std::atomic<bool> are_good = true;
   const auto take = [&](u64 begin, std::span<const std::byte> piece) {
     std::call_once(is_there,

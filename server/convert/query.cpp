@@ -1,4 +1,4 @@
-// Checks of a QueryRequest, one function a query.
+// Checks a QueryRequest, one function per query.
 #include "server/convert/query.h"
 
 #include <fmt/format.h>
@@ -11,7 +11,7 @@
 namespace heliograph::server {
 namespace {
 
-/// What every query is read with.
+/// Context that every query is read with.
 struct Reader {
   const Snapshot& snapshot;
   ArraySource& source;
@@ -59,7 +59,7 @@ Expected<Pick> to_pick(const v1::Pick& message, const Reader& in) {
   return query;
 }
 
-/// At least one entity.
+/// Reads a list of at least one entity.
 Expected<std::vector<EntityId>> read_entities(
     const google::protobuf::RepeatedPtrField<v1::Ref>& refs, const Reader& in) {
   if (refs.empty()) return fail(Code::kInvalidArgument, "", "is empty; name at least one entity");

@@ -11,7 +11,7 @@ struct QueryLimits {
   u64 items = 1u << 26;  // rays, pixels, points or pairs of one query
 };
 
-/// The job of a request on a snapshot. INVALID_ARGUMENT, NOT_FOUND, UNIMPLEMENTED,
+/// Makes the job of a request on a snapshot. INVALID_ARGUMENT, NOT_FOUND, UNIMPLEMENTED,
 /// RESOURCE_EXHAUSTED, with the path in the request.
 [[nodiscard]] Expected<QueryJob> to_query(const v1::QueryRequest& request,
                                           std::shared_ptr<const Snapshot> snapshot,

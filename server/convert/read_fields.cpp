@@ -14,7 +14,7 @@
 namespace heliograph::server {
 namespace {
 
-/// Arrays up to this long come within an object; of longer ones only dtype and shape.
+/// Arrays up to this size come within an object; of longer ones only dtype and shape.
 constexpr u64 kLargestInline = 64u << 10;
 
 constexpr std::array<std::string_view, 4> kOfEntities{"pose", "world_pose", "aabb", "materials"};
@@ -34,7 +34,7 @@ void object_sink(const BufferPtr& bytes, v1::Array& array) {
   if (span.size() <= kLargestInline) array.set_inline_(span.data(), span.size());
 }
 
-/// The names of a noun's arrays, "mesh.positions" and so on.
+/// Returns the names of a noun's arrays, such as "mesh.positions".
 void add_arrays(const google::protobuf::Descriptor& message, const char* noun,
                 std::vector<std::string>& names) {
   for (int i = 0; i < message.field_count(); ++i)
@@ -48,8 +48,8 @@ std::unexpected<Error> has_none(const Snapshot& snapshot, Id id, std::string_vie
       fmt::format("the {} has no '{}'; ask an object that has", object_text(id, snapshot), name));
 }
 
-/// The object that a noun means: the one referred to, or what an entity binds of that kind; null
-/// where it binds none.
+/// Returns the object that a noun refers to: the object itself, or the one of that kind that an
+/// entity binds; null: it binds none.
 Expected<Id> follow(const Snapshot& snapshot, Id id, const Noun& noun) {
   if (id.kind() == noun.kind) return id;
   const Entity* entity = snapshot.find(EntityId(id));
@@ -84,7 +84,7 @@ Answer dome_answer(const Snapshot& snapshot) {
   return answer;
 }
 
-/// The array that `make` builds with the sink it is given.
+/// Returns the array that `make` builds with the sink it is given.
 template <class Make>
 Answer array_answer(const Make& make) {
   Answer answer;
@@ -92,7 +92,7 @@ Answer array_answer(const Make& make) {
   return answer;
 }
 
-/// One array of a message: `make` builds the message with the sink it is given.
+/// Returns one array of the message that `make` builds with the sink it is given.
 template <class Make>
 std::optional<Answer> field_answer(const std::string& field, const Make& make) {
   std::vector<BufferPtr> buffers;

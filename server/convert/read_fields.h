@@ -1,4 +1,4 @@
-// One field of one object: what Read can answer. Called by read.cpp.
+// Reads one field of one object. Called by read.cpp.
 #pragma once
 
 #include <memory>
@@ -24,9 +24,9 @@ class FieldReader {
  public:
   explicit FieldReader(const Snapshot& snapshot) : snapshot_(snapshot) {}
 
-  /// Every name that read() takes.
+  /// Returns every name that read() accepts.
   [[nodiscard]] static std::vector<std::string> names();
-  /// nullopt: the object has nothing there. INVALID_ARGUMENT: its kind never has.
+  /// Reads a field; nullopt: the object has none. INVALID_ARGUMENT: its kind never has it.
   [[nodiscard]] Expected<std::optional<Answer>> read(Id id, const std::string& name);
 
  private:

@@ -1,4 +1,4 @@
-// Checks of a RenderRequest, in the order of its fields.
+// Checks a RenderRequest, in the order of its fields.
 #include "server/convert/render.h"
 
 #include <fmt/format.h>
@@ -154,7 +154,7 @@ Status read_stop_rule(const v1::RenderRequest& request, const RenderLimits& limi
               "is missing; these planes are averaged over samples: set spp, seconds or noise");
 }
 
-/// Planes that stay on the device are those that are made there.
+/// Checks planes that stay on the device: only those made there can.
 Status read_memory(const v1::RenderRequest& request, RenderJob& job) {
   job.on_device = request.memory() == v1::FRAME_MEMORY_CUDA;
   for (std::size_t i = 0; job.on_device && i < job.planes.size(); ++i) {
@@ -198,7 +198,7 @@ Status read_settings(const v1::RenderRequest& request, const RenderLimits& limit
   return {};
 }
 
-/// A later vertex is no view: what is counted or sensed in one is refused.
+/// Refuses planes that are counted or sensed at a later vertex, which is no view.
 Status check_vertex(const RenderJob& job) {
   if (job.settings.vertex == 0) return {};
   const auto refuse = [](const char* what) {
@@ -257,7 +257,7 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
 
 namespace {
 
-/// Whether it is so of an array of a message, or of one in it.
+/// Returns true when the predicate holds for an array of a message, or of a nested one.
 bool any_array(const google::protobuf::Message& message, bool (*is_so)(const v1::Array&)) {
   using google::protobuf::FieldDescriptor;
   if (message.GetDescriptor() == v1::Array::descriptor())

@@ -1,4 +1,4 @@
-// References of a request against a snapshot, and enums that requests share. Called by render,
+// Resolves references of a request in a snapshot, and enums that requests share. Called by render,
 // query and read.
 #pragma once
 
@@ -7,9 +7,9 @@
 
 namespace heliograph::server {
 
-/// The live object that a Ref names; kNone: a name may be of any kind, entities first. NOT_FOUND
-/// with the nearest names; INVALID_ARGUMENT for nothing and for created_by_edit, which has no
-/// meaning outside a transaction.
+/// Returns the live object that a Ref names; kNone: a name may be of any kind, entities first.
+/// NOT_FOUND with the nearest names; INVALID_ARGUMENT for an empty Ref, and for created_by_edit,
+/// which has no meaning outside a transaction.
 [[nodiscard]] Expected<Id> resolve(const v1::Ref& ref, const Snapshot& snapshot,
                                    Kind kind = Kind::kNone);
 /// The same; INVALID_ARGUMENT unless it is an entity.
@@ -19,7 +19,7 @@ namespace heliograph::server {
 [[nodiscard]] Expected<std::vector<EntityId>> resolve_entities(
     const google::protobuf::RepeatedPtrField<v1::Ref>& refs, const Snapshot& snapshot);
 
-/// "mesh 'chair'", or "mesh 3" without a name.
+/// Returns "mesh 'chair'", or "mesh 3" without a name.
 [[nodiscard]] std::string object_text(Id id, const Snapshot& snapshot);
 
 }  // namespace heliograph::server

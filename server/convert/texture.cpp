@@ -22,7 +22,7 @@ TexelType texel_type(v1::DType type) {
   return TexelType(std::ranges::find(kTexelTypes, type) - kTexelTypes.begin());
 }
 
-/// What an absent encoding means depends on the texels, so these must be at hand.
+/// The default encoding depends on the texels, so these must be present.
 Expected<bool> to_srgb(v1::Texture::Encoding encoding, const ImageData* image) {
   if (encoding == v1::Texture::ENCODING_LINEAR) return false;
   if (encoding == v1::Texture::ENCODING_SRGB) return true;

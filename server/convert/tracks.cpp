@@ -1,4 +1,4 @@
-// Checks of a TracksRequest: every point lies on a triangle of its entity's mesh.
+// Checks a TracksRequest: every point lies on a triangle of its entity's mesh.
 #include "server/convert/tracks.h"
 
 #include <fmt/format.h>
@@ -14,7 +14,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr Range kSeconds{-1e9, 1e9};
-constexpr float kRounding = 1e-5f;  // of barycentric weights
+constexpr float kRounding = 1e-5f;  // tolerance of barycentric weights
 
 struct Reader {
   const v1::TracksRequest& request;
@@ -33,7 +33,7 @@ Expected<const MeshTopology*> topology_of(const Snapshot& snapshot, EntityId id)
               fmt::format("{} shows no mesh; name an entity that does", object_text(id, snapshot)));
 }
 
-/// By its shape, before anything is read.
+/// Returns the count by the array's shape, before any bytes are read.
 u64 row_count(const v1::Array& array) { return array.shape_size() > 0 ? array.shape(0) : 0; }
 
 Expected<std::vector<double>> read_instants(const Reader& in, const TrackLimits& limits) {
@@ -60,7 +60,7 @@ struct Place {
   vec2 barycentric{0};
 };
 
-/// For each vertex of a mesh the first triangle that has it, and its corner there.
+/// Finds, for each vertex of a mesh, the first triangle that uses it and its corner there.
 std::vector<Place> vertex_places(const MeshTopology& topology) {
   static constexpr vec2 kCorners[3] = {vec2(0, 0), vec2(1, 0), vec2(0, 1)};
   std::vector<Place> places(topology.vertex_count);
@@ -112,7 +112,7 @@ Status place_on_triangles(const Reader& in, std::vector<TrackPoint>& points,
   return {};
 }
 
-/// Which entity each point is on; the number of points is that of vertices or primitive.
+/// Reads the entity of each of the `count` points.
 Expected<std::vector<TrackPoint>> read_entities(const Reader& in, u64 count) {
   if (in.request.entities().empty())
     return fail(Code::kInvalidArgument, "entities", "is empty; name at least one entity");

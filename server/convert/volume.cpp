@@ -23,7 +23,7 @@ constexpr std::array<Clear<PutVolume>, 7> kClear{{
     {"emission_scale", [](PutVolume& p) { p.emission_scale = Volume{}.emission_scale; }},
 }};
 
-/// What a grid's values are.
+/// Channels and range of a grid's values.
 struct GridKind {
   u32 channels;
   Range range;
@@ -42,7 +42,7 @@ Status check_values(const RawArray& raw, const GridKind& kind) {
                      fmt::format("is {}; give {} {}", *bad, kind.range.low, most));
 }
 
-/// The box of a grid: few enough bricks, and voxels that f32 can tell apart.
+/// Checks the box of a grid: not too many bricks, and voxels distinguishable in f32.
 Status check_box(ivec3 lower, ivec3 upper, std::string_view field) {
   for (int i = 0; i < 3; ++i)
     if (lower[i] < -kLargestVoxel || upper[i] > kLargestVoxel || lower[i] >= upper[i])

@@ -1,4 +1,4 @@
-// What the worlds of a request do not share, checked. Called by render_task.cpp.
+// Checks the worlds of a request: what differs between them. Called by render_task.cpp.
 #pragma once
 
 #include "heliograph/v1/render.pb.h"
@@ -8,14 +8,14 @@
 namespace heliograph::server {
 
 struct WorldLimits {
-  u64 worlds;  // of a request
-  u64 edits;   // of an overlay
+  u64 worlds;  // worlds per request
+  u64 edits;   // edits per overlay
 };
 
-/// scene   the request's, with its overlay: poses name its entities
+/// Reads the worlds. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED, `where` beneath
+/// RenderRequest.worlds. Does not check that overlays fit the scene.
 ///
-/// Fails with INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED, `where` beneath
-/// RenderRequest.worlds. Whether overlays fit the scene is not looked at.
+/// scene   the request's, with its overlay: poses name its entities
 [[nodiscard]] Expected<Worlds> to_worlds(const v1::Worlds& message, const Snapshot& scene,
                                          ArraySource& source, const WorldLimits& limits);
 

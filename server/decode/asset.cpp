@@ -1,5 +1,5 @@
-// A decoded model as a message, and back with everything in it checked: nothing that a decode child
-// says is believed.
+// Writes a decoded model to a message, and reads it back with everything checked: the decode child
+// is not trusted.
 #include "server/decode/asset.h"
 
 #include <fmt/format.h>
@@ -12,7 +12,7 @@ std::unexpected<Error> broken(std::string what) {
 
 namespace {
 
-/// Whether a reference stays within the asset: nothing, or an object made before `limit`.
+/// Returns true when a reference stays within the asset: none, or an object made before `limit`.
 bool within(const Ref& ref, u64 limit) {
   if (std::holds_alternative<std::monostate>(ref)) return true;
   const auto* created = std::get_if<CreatedByEdit>(&ref);
@@ -60,7 +60,7 @@ struct RefsWithin {
   }
 };
 
-/// Only puts, library before entities, named by themselves, referring backwards and nowhere else.
+/// Checks edits: only puts, library before entities, self-named, references only backwards.
 Status check_edits(const std::vector<Edit>& edits, u64 first, bool entities) {
   for (std::size_t i = 0; i < edits.size(); ++i) {
     const bool is_entity = std::holds_alternative<PutEntity>(edits[i].action);

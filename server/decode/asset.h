@@ -1,4 +1,4 @@
-// A decoded model as a message: what the decode child sends, and what the journal keeps.
+// A decoded model as a message: sent by the decode child, stored by the journal.
 #pragma once
 
 #include <memory>
@@ -9,13 +9,13 @@
 
 namespace heliograph::server {
 
-/// Sets name, library, entities and animations.
+/// Fills in name, library, entities and animations of the result.
 void write_asset(const Asset& asset, decode::Result& result, const ArraySink& sink);
-/// The inverse; `hash` names the asset. INTERNAL when it breaks a rule.
+/// Inverse of write_asset(). hash: becomes the asset's. INTERNAL when the message breaks a rule.
 [[nodiscard]] Expected<std::shared_ptr<const Asset>> read_asset(const decode::Result& result,
                                                                 const std::string& hash,
                                                                 ArraySource& source);
-/// The error of a result that breaks a rule.
+/// Returns the error of a result that breaks a rule.
 [[nodiscard]] std::unexpected<Error> broken(std::string what);
 
 }  // namespace heliograph::server

@@ -9,7 +9,7 @@
 namespace heliograph::server {
 namespace {
 
-/// Gives every distinct buffer a place in the data section.
+/// Assigns every distinct buffer an offset in the data section.
 class Arrays {
  public:
   void place(const BufferPtr& buffer, v1::Array& array) {
@@ -58,7 +58,7 @@ decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
   return result;
 }
 
-/// Without an answer the daemon is gone, or will not have it.
+/// Requests room for a result. False: the daemon is gone or refuses.
 [[nodiscard]] bool ask_for(u64 bytes) {
   if (!send_packet(kSocket, PacketKind::kNeed,
                    {reinterpret_cast<const char*>(&bytes), sizeof bytes}))

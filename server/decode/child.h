@@ -1,4 +1,4 @@
-// One decode inside the sandbox: a job's region in, a result's region out.
+// One decode in the sandbox: reads the job's region, writes the result's.
 #pragma once
 
 #include "server/decode/decoded.pb.h"
@@ -7,11 +7,11 @@
 
 namespace heliograph::server {
 
-/// Decodes the job, asks the daemon for room, writes the result and says so. Never fails: a refusal
-/// is a result too, and a child that ends without one is seen.
+/// Decodes the job, requests room from the daemon, writes the result and reports it. Never fails: a
+/// refusal is a result too, and the daemon notices a child that ends without one.
 void run_job(const Region& job, Helpers& helpers);
 
-/// The files of a job, as spans of its region; fails when they leave it.
+/// Reads a job; its files are spans of the region. Fails when they lie outside of it.
 [[nodiscard]] Expected<decode::Job> read_job(const Region& region, std::vector<Bytes>& files);
 
 }  // namespace heliograph::server

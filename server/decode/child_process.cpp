@@ -17,11 +17,11 @@
 namespace heliograph::server {
 namespace {
 
-/// A duplicate whose number is none of those that the child's get.
+/// Duplicates a descriptor to a number above those of the child.
 Fd above(const Fd& fd) { return Fd(fcntl(fd.get(), F_DUPFD_CLOEXEC, kResultRegion + 1)); }
 
-/// Everything but the standard descriptors and its own is closed, whatever the daemon has open; the
-/// signal mask and handlers are the defaults.
+/// Spawn attributes: closes all descriptors but the standard ones and the child's own; default
+/// signal mask and handlers.
 class SpawnSettings {
  public:
   SpawnSettings(int socket, int job, int result) {
@@ -36,7 +36,7 @@ class SpawnSettings {
     sigfillset(&all);
     posix_spawnattr_setsigmask(&attributes_, &none);
     posix_spawnattr_setsigdefault(&attributes_, &all);
-    // A group of its own: Ctrl-C reaches the daemon, which drains, and not its decoders.
+    // A process group of its own: Ctrl-C reaches the daemon, which drains, and not its decoders.
     posix_spawnattr_setpgroup(&attributes_, 0);
     posix_spawnattr_setflags(
         &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
@@ -61,7 +61,7 @@ Expected<pid_t> spawn(const DecoderOptions& options, const SpawnSettings& settin
     argv[i] = const_cast<char*>(arguments[i].c_str());
   }
   char locale[] = "LC_ALL=C";
-  // The picture library fills 25 MB of tables as it loads: in huge pages in a third of the time.
+  // OpenImageIO fills 25 MB of tables as it loads: three times as fast in huge pages.
   char pages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1:glibc.malloc.top_pad=33554432";
   char threads[] = "OPENIMAGEIO_THREADS=1";  // that end_picture_threads() ends
   char* const environment[] = {locale, pages, threads, nullptr};
@@ -102,7 +102,7 @@ ChildProcess::~ChildProcess() { (void)reap(); }
 int ChildProcess::reap() {
   int status = 0;
   if (process_ == 0) return status;
-  kill(process_, SIGKILL);  // nothing to one that ended
+  kill(process_, SIGKILL);  // no effect on one that ended
   while (waitpid(process_, &status, 0) < 0 && errno == EINTR) {
   }
   process_ = 0;

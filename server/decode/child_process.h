@@ -1,4 +1,4 @@
-// The daemon's handle on one heliograph-decode: starts it, hands it its job, gets its result.
+// The daemon's handle of one heliograph-decode: starts it, passes the job, receives the result.
 #pragma once
 
 #include <sys/types.h>
@@ -11,8 +11,8 @@
 
 namespace heliograph::server {
 
-/// A process for one job, with an address layout of its own. It confines itself as soon as it runs,
-/// and ends when the thread ends that started it. Owns: the process (killed and reaped at the end),
+/// A process for one job, with an address layout of its own. It confines itself as it starts, and
+/// dies with the thread that started it. Owns: the process (killed and reaped by the destructor),
 /// its socket and both regions. Thread: one at a time.
 class ChildProcess {
  public:
@@ -23,14 +23,14 @@ class ChildProcess {
   [[nodiscard]] int socket() const { return socket_.get(); }
   /// While it has nothing to say.
   [[nodiscard]] bool has_ended() const;
-  /// Hands it the job.
+  /// Sends the job.
   [[nodiscard]] Status begin(const google::protobuf::MessageLite& job,
                              std::span<const Bytes> files);
-  /// Lets it write a result of at most so many bytes.
+  /// Allows a result of at most so many bytes.
   [[nodiscard]] Status grant(u64 bytes);
-  /// What it wrote.
+  /// Returns the result that it wrote.
   [[nodiscard]] Expected<std::shared_ptr<const Region>> result() const;
-  /// Kills it unless it ended: "was killed by SIGSEGV", "exited with 1".
+  /// Ends it and returns how: "was killed by SIGSEGV", "exited with 1".
   [[nodiscard]] std::string how_it_ended();
 
  private:
@@ -41,7 +41,7 @@ class ChildProcess {
         result_(std::move(result)) {}
   [[nodiscard]] int reap();
 
-  pid_t process_;  // 0: it is reaped
+  pid_t process_;  // 0: reaped
   const Fd socket_, job_, result_;
   u64 granted_ = 0;
 };

@@ -80,7 +80,7 @@ Clock::time_point after(double seconds) {
          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
 }
 
-/// The child's next packet; nullopt when it ended. CANCELLED, DEADLINE_EXCEEDED.
+/// Waits for the child's next packet; nullopt when it ended. CANCELLED, DEADLINE_EXCEEDED.
 Expected<std::optional<Packet>> await_packet(const ChildProcess& child, const StopEvent& stop,
                                              Clock::time_point deadline) {
   pollfd events[] = {{child.socket(), POLLIN, 0}, {stop.fd(), POLLIN, 0}};
@@ -94,7 +94,7 @@ Expected<std::optional<Packet>> await_packet(const ChildProcess& child, const St
   return receive_packet(child.socket());
 }
 
-/// What a sandbox lacks, and what an operator does about it.
+/// Returns the error of missing layers, with the operator's remedy.
 Error describe_missing(const decode::Hello& hello) {
   std::vector<std::string_view> needed, optional;
   for (const std::string& missing : hello.missing()) {
@@ -124,7 +124,7 @@ std::unexpected<Error> at(const std::string& path, Error error) {
 
 }  // namespace
 
-/// Locks: state_mutex_, spare_mutex_; never both.
+/// Lock order: state_mutex_ and spare_mutex_ are never held together.
 class Decoder::Impl {
  public:
   explicit Impl(DecoderOptions options)
@@ -159,7 +159,7 @@ class Decoder::Impl {
         task->read();
       else
         task->done(run(*task, child, stop));
-      child.reset();  // its memory is given back after the answer
+      child.reset();  // frees its memory after the reply
       queue_.end(task->job.tenant);
     }
   }
@@ -210,7 +210,7 @@ class Decoder::Impl {
     }
   }
 
-  /// One that is confined: the spare one, or a new one when that died.
+  /// Returns a confined child: the spare one, or a new one if that died.
   Expected<ChildPtr> take_child(const StopEvent& stop) {
     ChildPtr spare;
     {
@@ -224,7 +224,7 @@ class Decoder::Impl {
     return std::move(*child);
   }
 
-  /// Reads what it says first, and keeps it.
+  /// Reads its Hello and keeps it.
   Status greet(ChildProcess& child, const StopEvent& stop) {
     const auto packet = await_packet(child, stop, after(kHelloSeconds));
     if (!packet && packet.error().code == Code::kCancelled) return std::unexpected(packet.error());
@@ -258,8 +258,8 @@ class Decoder::Impl {
     known_.notify_all();
   }
 
-  /// Its libraries load while this job is decoded. Called by threads that live as long as this, for
-  /// it ends with the one that started it.
+  /// Starts the spare child, whose libraries load while the current job is decoded. Called only by
+  /// threads that live as long as this, since a child dies with the thread that started it.
   void make_spare() {
     const std::lock_guard lock(spare_mutex_);
     if (spare_) return;

@@ -1,4 +1,4 @@
-// The daemon's side of heliograph-decode: sends a bundle to a child, gets an asset back.
+// The daemon's side of heliograph-decode: sends a bundle to a child, receives an asset.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ namespace heliograph::server {
 
 struct DecodeFile {
   std::string path;
-  BufferPtr bytes;  // null: a companion that nobody has
+  BufferPtr bytes;  // null: a companion known to be missing
 };
 struct DecodeJob {
   std::vector<DecodeFile> files;  // the first is the model
@@ -28,17 +28,17 @@ struct DecodeJob {
   std::string variant;
   bool surface = false;
   std::string hash;  // becomes Asset::hash
-  u64 tenant = 0;    // whose turn it takes; 0: the daemon's own
-  /// Pays for so many bytes of arrays, before the child writes them: a refusal ends the decode,
-  /// what it returns lives as long as any of them.
+  u64 tenant = 0;    // for fair queueing; 0: the daemon itself
+  /// Charges bytes of arrays before the child writes them. A refusal ends the decode; the returned
+  /// object lives as long as any of the arrays.
   std::function<Expected<std::shared_ptr<const void>>(u64 bytes)> pay =
       [](u64) -> Expected<std::shared_ptr<const void>> { return nullptr; };
 };
 
-/// What came back, every number in it checked by the daemon; arrays lie in the child's sealed
+/// A decoded result, every number of it checked by the daemon; arrays lie in the child's sealed
 /// memfd.
 struct Decoded {
-  std::shared_ptr<const Asset> asset;      // null for a picture, or when files are missing
+  std::shared_ptr<const Asset> asset;      // null for a lone picture, or when files are missing
   std::shared_ptr<const ImageData> image;  // a lone picture
   bool image_srgb = false;
   std::vector<std::string> missing;
@@ -47,7 +47,7 @@ struct Decoded {
   u64 bytes = 0;  // of the child's memfd
 };
 
-/// Layers of the sandbox that an operator may do without.
+/// Layers of the sandbox that an operator may disable.
 inline constexpr std::array kOptionalLayers = {"landlock", "namespaces"};
 
 struct DecoderOptions {
@@ -56,24 +56,25 @@ struct DecoderOptions {
   u32 cpu_seconds = 20;
   double deadline_seconds = 30;
   LoadLimits limits{};
-  std::vector<std::string> without;  // of kOptionalLayers: where the kernel refuses them
-  u64 processes = 4;                 // at work at a time
-  u64 tenant_processes = 3;          // those of one tenant
-  u64 tenant_waiting = 256;          // decodes of one tenant that wait
+  std::vector<std::string> without;  // of kOptionalLayers: layers to do without
+  u64 processes = 4;                 // concurrent decodes
+  u64 tenant_processes = 3;          // concurrent decodes per tenant
+  u64 tenant_waiting = 256;          // waiting decodes per tenant
 };
 
-/// What confines decodes, as the latest child found it.
+/// Confinement of decodes, as the latest child reported it.
 struct DecoderState {
   std::vector<std::string> sandbox;  // layers in force
-  std::vector<std::string> refused;  // by the kernel, and done without: "landlock: why"
-  std::string versions;              // of libraries
-  Status works = {};                 // why no file can be decoded, and what to do
+  std::vector<std::string>
+      refused;  // layers that the kernel refused and the operator disabled: "landlock: reason"
+  std::string versions;  // of libraries
+  Status works = {};     // else the reason why no file can be decoded, with the remedy
 };
 
-/// Owns: its threads, and a child that is ready for the next job. Thread: any.
+/// Owns: its threads, and a spare child that is ready for the next job. Thread: any.
 class Decoder {
  public:
-  /// Fails with UNAVAILABLE when the program cannot be run.
+  /// Starts the decoder. UNAVAILABLE when the program cannot be run.
   [[nodiscard]] static Expected<std::unique_ptr<Decoder>> create(const DecoderOptions& options);
   ~Decoder();
 
@@ -82,14 +83,14 @@ class Decoder {
   /// FAILED_PRECONDITION: the kernel refuses a layer of the sandbox.
   void decode(DecodeJob job, std::function<void(Expected<Decoded>)> done, std::stop_token stop);
 
-  /// Calls `work`, which reads files that may be slow, when it is the tenant's turn. `refused` is
-  /// called in its place when too many wait or the decoder ends.
+  /// Calls `work`, which reads files that may be slow, from a thread of the decoder when it is the
+  /// tenant's turn. Calls `refused` instead when too many wait or the decoder ends.
   void read(u64 tenant, std::function<void()> work, std::function<void(Status)> refused);
 
-  /// Decodes a triangle: whether files can be decoded at all.
+  /// Decodes a triangle, to test whether files can be decoded at all.
   void try_out(std::function<void(Status)> done);
 
-  /// Waits for the first child at most 5 s.
+  /// Returns the state; waits up to 5 s for the first child.
   [[nodiscard]] DecoderState state() const;
 
  private:

@@ -1,5 +1,4 @@
-// The threads of a decode child. They are there before its sandbox is closed, which lets no thread
-// be started.
+// Threads of a decode child, started before its sandbox is entered, which allows no new ones.
 #pragma once
 
 #include <condition_variable>
@@ -8,11 +7,12 @@
 
 namespace heliograph::server {
 
-/// Lives as long as its process, which ends without a word to it. One thread runs work at a time.
+/// Helper threads. Live as long as the process, which ends without joining them. Thread: one runs
+/// work at a time.
 class Helpers {
  public:
   void start(unsigned count);
-  /// Calls `work` here and in every helper, and returns when all have.
+  /// Calls `work` in this thread and in every helper; returns when all have returned.
   void run(const std::function<void()>& work);
 
  private:
@@ -20,9 +20,9 @@ class Helpers {
   std::mutex mutex_;
   std::condition_variable changed_;
   const std::function<void()>* work_ = nullptr;
-  unsigned round_ = 0;  // how often there was work
-  unsigned count_ = 0;  // of helpers
-  unsigned busy_ = 0;   // that have not ended this round
+  unsigned round_ = 0;  // number of the current round
+  unsigned count_ = 0;  // helpers
+  unsigned busy_ = 0;   // helpers that have not finished this round
 };
 
 }  // namespace heliograph::server

@@ -1,6 +1,5 @@
-// heliograph-decode: decodes one file of others and ends. It confines itself, says what confines
-// it, and waits for its job. Started by the daemon with its descriptors (wire.h), ahead of the
-// file.
+// heliograph-decode: decodes one untrusted file and ends. It confines itself, reports its sandbox,
+// and waits for its job. Started by the daemon with its descriptors (wire.h), ahead of time.
 #include <fcntl.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -19,7 +18,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr unsigned kMostThreads = 8;  // their stacks share the address space limit
-constexpr int kNice = 10;  // rendering goes on beside it: a ninth of the weight of a render thread
+constexpr int kNice = 10;             // a ninth of a render thread's scheduling weight
 
 u64 number(const char* text) {
   u64 value = 0;
@@ -28,7 +27,7 @@ u64 number(const char* text) {
   return error == std::errc() && at == end ? value : 0;
 }
 
-/// `without`: names of layers, each with a comma after it.
+/// without   names of layers, each followed by a comma
 decode::Hello hello_of(const SandboxReport& report, std::string_view without) {
   decode::Hello hello;
   for (const std::string& layer : report.active) hello.add_sandbox(layer);
@@ -65,7 +64,7 @@ int run(int count, char** arguments) {
     return 0;
   }
   (void)!nice(kNice);
-  mallopt(M_ARENA_MAX, 2);  // an arena for each thread would not fit the address space
+  mallopt(M_ARENA_MAX, 2);  // one arena per thread would exceed the address space
   static Helpers helpers;
   const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 1u, kMostThreads);
   const SandboxReport report = sandbox->enter([&] {
@@ -85,5 +84,5 @@ int run(int count, char** arguments) {
 }  // namespace heliograph::server
 
 int main(int count, char** arguments) {
-  _exit(heliograph::server::run(count, arguments));  // its threads go on waiting until then
+  _exit(heliograph::server::run(count, arguments));  // without joining helper threads
 }

@@ -64,7 +64,7 @@ std::vector<DecodeTask> DecodeQueue::rest() {
   return tasks;
 }
 
-/// The first after the last one's, around the ring, that has work and may.
+/// Returns the next tenant in ring order that has work and is below its limit.
 DecodeQueue::Lanes::iterator DecodeQueue::next() {
   auto lane = lanes_.upper_bound(last_);
   for (std::size_t i = 0; i < lanes_.size(); ++i, ++lane) {

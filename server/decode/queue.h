@@ -1,5 +1,5 @@
-// Decodes, and reading for them, that wait for a process: tenants take turns, and none has all
-// processes. Filled by Decoder, emptied by its threads.
+// Queue of decodes and their file reads, fair among tenants; no tenant gets all processes. Filled
+// by Decoder, emptied by its threads.
 #pragma once
 
 #include <condition_variable>
@@ -19,25 +19,27 @@ struct DecodeTask {
   DecodeJob job;
   std::function<void(Expected<Decoded>)> done;
   std::stop_token stop;
-  std::function<void()> read = nullptr;  // in place of a decode; `done` is told a refusal only
+  std::function<void()> read = nullptr;  // instead of a decode; `done` is called only when refused
 };
 
-/// Thread: any.
+/// Round robin among tenants. Thread: any.
 class DecodeQueue {
  public:
   struct Limits {
-    u64 running = 3;    // decodes of one tenant at a time
-    u64 waiting = 256;  // of one tenant
+    u64 running = 3;    // concurrent decodes per tenant
+    u64 waiting = 256;  // waiting tasks per tenant
   };
   explicit DecodeQueue(Limits limits) : limits_(limits) {}
 
-  /// RESOURCE_EXHAUSTED when as many of its tenant wait as may; the task is as it was then.
+  /// Queues a task. RESOURCE_EXHAUSTED when too many of its tenant wait; the task is unchanged
+  /// then.
   [[nodiscard]] Status push(DecodeTask& task);
-  /// The oldest task of the tenant whose turn it is; waits for one. nullopt: a stop was requested.
+  /// Waits for and takes the oldest task of the tenant whose turn it is. nullopt: a stop was
+  /// requested.
   [[nodiscard]] std::optional<DecodeTask> take(const std::stop_token& stop);
-  /// One that was taken has ended.
+  /// Reports the end of a taken task.
   void end(u64 tenant);
-  /// What nobody took.
+  /// Returns the tasks that were not taken.
   [[nodiscard]] std::vector<DecodeTask> rest();
 
  private:
@@ -45,7 +47,7 @@ class DecodeQueue {
     std::deque<DecodeTask> waiting;
     u64 running = 0;
   };
-  using Lanes = std::map<u64, Lane>;  // by tenant; those that have any
+  using Lanes = std::map<u64, Lane>;  // by tenant; none is empty
   [[nodiscard]] Lanes::iterator next();
 
   const Limits limits_;

@@ -11,7 +11,7 @@
 namespace heliograph::server {
 namespace {
 
-/// Arrays of the region; the same range is the same buffer.
+/// Arrays of the region; equal ranges give the same buffer.
 class RegionSource : public ArraySource {
  public:
   RegionSource(std::shared_ptr<const Region> region, std::shared_ptr<const void> paid)

@@ -20,7 +20,7 @@
 namespace heliograph::server {
 namespace {
 
-// What the decoders, malloc and the threads that there are need. Source: docs/decisions/008.
+// System calls that the decoders, malloc and existing threads need. Source: docs/decisions/008.
 constexpr std::array kAllowed = {SCMP_SYS(read),
                                  SCMP_SYS(write),
                                  SCMP_SYS(pread64),
@@ -55,10 +55,10 @@ constexpr std::array kNoSuchFile = {SCMP_SYS(open),     SCMP_SYS(openat),     SC
                                     SCMP_SYS(readlink), SCMP_SYS(readlinkat), SCMP_SYS(newfstatat),
                                     SCMP_SYS(access)};
 
-/// 0 when every rule went in.
+/// Adds all rules; 0: success.
 int add_rules(scmp_filter_ctx filter) {
   int worst = seccomp_attr_set(filter, SCMP_FLTATR_CTL_TSYNC, 1);
-  (void)seccomp_attr_set(filter, SCMP_FLTATR_API_SYSRAWRC, 1);  // the kernel's own errno
+  (void)seccomp_attr_set(filter, SCMP_FLTATR_API_SYSRAWRC, 1);  // errors are the kernel's own errno
   const auto add = [&](u32 action, int call, auto... conditions) {
     const scmp_arg_cmp list[] = {conditions..., scmp_arg_cmp{}};
     const int code = seccomp_rule_add_array(filter, action, call, sizeof...(conditions), list);
@@ -83,18 +83,19 @@ bool limit(int resource, rlim_t value) {
 
 bool enter_rlimits(const SandboxLimits& limits) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  const bool memory = true;  // the sanitizer's shadow does not fit any limit
+  const bool memory = true;  // the sanitizer's shadow memory exceeds any limit
 #else
   const bool memory = limit(RLIMIT_AS, limits.memory_bytes);
 #endif
-  // A second more before the hard limit would kill without a name: SIGXCPU comes first.
+  // The hard limit, a second later, kills without a name: SIGXCPU comes first.
   const rlimit cpu{limits.cpu_seconds, limits.cpu_seconds + 1};
   const rlimit file{0, limits.file_bytes};  // the parent raises it
   return memory && setrlimit(RLIMIT_CPU, &cpu) == 0 && setrlimit(RLIMIT_FSIZE, &file) == 0 &&
          limit(RLIMIT_NOFILE, 16) && limit(RLIMIT_NPROC, 0) && limit(RLIMIT_CORE, 0);
 }
 
-/// A user namespace begins with all of them. Who may not shrink the bounding set has none.
+/// Drops all capabilities, which a user namespace begins with. A process that may not shrink the
+/// bounding set has none.
 bool drop_capabilities() {
   constexpr unsigned long kMost = 64;
   for (unsigned long capability = 0; capability < kMost; ++capability)
@@ -120,7 +121,8 @@ bool enter_landlock() {
   return fd && syscall(kRestrictSelf, fd.get(), 0) == 0;
 }
 
-/// A chroot has no user namespaces; an administrator's process needs none for the others.
+/// User namespaces are unavailable in a chroot; a privileged process needs none for the other
+/// namespaces.
 bool enter_namespaces() {
   constexpr int kOthers = CLONE_NEWNET | CLONE_NEWNS | CLONE_NEWIPC;
   return unshare(CLONE_NEWUSER | kOthers) == 0 || unshare(kOthers) == 0;
@@ -160,7 +162,7 @@ SandboxReport Sandbox::enter(const std::function<void()>& start_threads) const {
   note("capabilities", drop_capabilities());
   note("no_new_privs", prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0);
   note("landlock", enter_landlock());
-  start_threads();  // they inherit what is in force
+  start_threads();  // they inherit the layers in force
   note("rlimits", enter_rlimits(limits_));
   const int code = seccomp_load(filter_);
   errno = -code;

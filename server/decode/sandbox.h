@@ -1,5 +1,5 @@
-// What a decode child may still do: compute, use the memory it may use, and write to the
-// descriptors it holds. Entered by heliograph-decode before it sees a file, and by the tests.
+// Confinement of a decode child to computing, using its limited memory, and writing to its
+// descriptors. Entered by heliograph-decode before it reads a file, and by the tests.
 #pragma once
 
 #include <functional>
@@ -14,18 +14,18 @@ namespace heliograph::server {
 struct SandboxLimits {
   u64 memory_bytes = 2ull << 30;  // address space
   u32 cpu_seconds = 20;
-  u64 file_bytes = 1ull << 30;  // of a memfd that it holds: none until its parent raises that
+  u64 file_bytes = 1ull << 30;  // growth of a memfd: 0 until the parent raises it
 };
 
 struct SandboxReport {
-  std::vector<std::string> active;   // layers, by name
-  std::vector<std::string> refused;  // by the kernel: "namespaces: Operation not permitted"
+  std::vector<std::string> active;   // names of layers in force
+  std::vector<std::string> refused;  // refused by the kernel: "namespaces: Operation not permitted"
 };
 
 /// Owns: the compiled seccomp filter.
 class Sandbox {
  public:
-  /// INTERNAL: the kernel has no seccomp, or none that confines all threads.
+  /// Compiles the filter. INTERNAL: the kernel has no seccomp, or none that covers all threads.
   [[nodiscard]] static Expected<Sandbox> prepare(const SandboxLimits& limits);
   Sandbox(Sandbox&& other) noexcept;
   Sandbox& operator=(Sandbox&&) = delete;

@@ -62,7 +62,7 @@ Status send_packet(int socket, PacketKind kind, std::string_view bytes) {
 Expected<std::optional<Packet>> receive_packet(int socket) {
   std::string bytes(kLongestPacket, '\0');
   ssize_t received;
-  do received = read(socket, bytes.data(), bytes.size());  // a child may call no recvmsg
+  do received = read(socket, bytes.data(), bytes.size());  // the sandbox does not allow recvmsg
   while (received < 0 && errno == EINTR);
   if (received == 0 || (received < 0 && errno == ECONNRESET)) return std::optional<Packet>();
   if (received < 0) return fail(Code::kUnavailable, "", system_message("read"));
@@ -109,7 +109,7 @@ Status fill_region(int fd, const google::protobuf::MessageLite& message,
 }
 
 Status seal_region(int fd) {
-  // EBUSY: the kernel, which has waited for it some 100 ms, still uses a page, as when it moves it.
+  // EBUSY: after waiting some 100 ms the kernel still uses a page, for example to migrate it.
   for (int i = 0; i < 20; ++i) {
     if (fcntl(fd, F_ADD_SEALS, kSeals | F_SEAL_SEAL) == 0) return {};
     if (errno != EBUSY) break;
@@ -128,7 +128,8 @@ Expected<Fd> write_region(const google::protobuf::MessageLite& message,
 
 Expected<std::shared_ptr<const Region>> Region::map(int fd, std::uint64_t largest) {
   const int seals = fcntl(fd, F_GET_SEALS);
-  const off_t end = lseek(fd, 0, SEEK_END);  // fstat() is a call by path, which no child may make
+  const off_t end =
+      lseek(fd, 0, SEEK_END);  // the sandbox allows no fstat(): its system call also takes paths
   if (seals < 0 || (seals & kSeals) != kSeals || end < 0) {
     return fail(Code::kInvalidArgument, "", "the memfd is not sealed");
   }

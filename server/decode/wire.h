@@ -1,5 +1,5 @@
 // Descriptors, packets and sealed memfds: how the daemon and heliograph-decode exchange jobs and
-// results. A child is born with all its descriptors; packets carry none.
+// results. A child inherits all its descriptors; packets carry none.
 #pragma once
 
 #include <google/protobuf/message_lite.h>
@@ -39,12 +39,12 @@ inline constexpr int kSocket = 3;        // a SOCK_SEQPACKET socket to the daemo
 inline constexpr int kJobRegion = 4;     // a memfd: the daemon fills and seals it before kGo
 inline constexpr int kResultRegion = 5;  // a memfd: the child fills it after kGrant
 
-/// The first byte of every packet, in the order in which they come.
+/// First byte of a packet, in order of appearance.
 enum class PacketKind : char {
   kHello = 'H',   // child: a Hello message
-  kGo = 'L',      // daemon: the job lies there
-  kNeed = 'N',    // child: bytes of the result (8)
-  kGrant = 'G',   // daemon: it may write as many
+  kGo = 'L',      // daemon: the job is in its region
+  kNeed = 'N',    // child: size of the result in bytes, u64
+  kGrant = 'G',   // daemon: allows a result of that size
   kResult = 'R',  // child: the result is written
 };
 struct Packet {
@@ -52,51 +52,52 @@ struct Packet {
   std::string bytes;
 };
 
-/// One SOCK_SEQPACKET datagram. Fails with UNAVAILABLE when the other end is gone.
+/// Sends one packet. UNAVAILABLE when the other end is gone.
 [[nodiscard]] Status send_packet(int socket, PacketKind kind, std::string_view bytes = "");
-/// nullopt at the end of the stream.
+/// Receives one packet; nullopt at the end of the stream.
 [[nodiscard]] Expected<std::optional<Packet>> receive_packet(int socket);
 
-/// A connected pair of SOCK_SEQPACKET sockets, closed on exec.
+/// Makes a connected pair of SOCK_SEQPACKET sockets, closed on exec.
 [[nodiscard]] Expected<std::pair<Fd, Fd>> socket_pair();
 
-/// Of a result, beside its arrays. In memory a message takes many times its bytes here: an empty
-/// string 2 of them and 32 or more there.
+/// Limit of a result's message, without arrays. In memory a message takes many times its serialised
+/// size: an empty string 2 bytes here and 32 or more there.
 inline constexpr std::uint64_t kMessageBytes = 64ull << 20;
 
 using Bytes = std::span<const std::byte>;
 
-/// Where arrays go in a data section: next(0) is 0, then multiples of 64.
+/// Rounds up to the next offset of an array in the data section, a multiple of 64.
 [[nodiscard]] constexpr std::uint64_t aligned(std::uint64_t offset) {
   return (offset + 63) / 64 * 64;
 }
 
-/// An empty memfd that can be sealed.
+/// Makes an empty memfd that can be sealed.
 [[nodiscard]] Expected<Fd> make_region();
-/// Bytes of a region with this message and these arrays.
+/// Returns the size of a region with this message and these arrays.
 [[nodiscard]] std::uint64_t region_size(const google::protobuf::MessageLite& message,
                                         std::span<const Bytes> arrays);
-/// Writes a message and arrays, each array at aligned(end of the one before).
+/// Writes a message and arrays, each array at aligned(end of the previous one).
 [[nodiscard]] Status fill_region(int fd, const google::protobuf::MessageLite& message,
                                  std::span<const Bytes> arrays);
-/// From now on nobody can write to it. Fails while anybody maps it writable.
+/// Seals a region against writing and resizing. Fails while a writable mapping exists.
 [[nodiscard]] Status seal_region(int fd);
-/// All three.
+/// Makes, fills and seals a region.
 [[nodiscard]] Expected<Fd> write_region(const google::protobuf::MessageLite& message,
                                         std::span<const Bytes> arrays);
 
-/// A mapped region. Owns: the mapping. Immutable: it is mapped only when it is sealed against
-/// writing, shrinking and growing.
+/// A mapped region. Owns: the mapping. Immutable: only regions sealed against writing and resizing
+/// are mapped.
 class Region {
  public:
-  /// INVALID_ARGUMENT unless the memfd is sealed, has at most `largest` bytes and holds together.
+  /// Maps a region. INVALID_ARGUMENT unless the memfd is sealed, has at most `largest` bytes and is
+  /// consistent.
   [[nodiscard]] static Expected<std::shared_ptr<const Region>> map(int fd, std::uint64_t largest);
   ~Region();
   Region(const Region&) = delete;
 
   [[nodiscard]] std::uint64_t size() const { return bytes_.size(); }
   [[nodiscard]] Bytes message() const { return bytes_.subspan(8, message_size_); }
-  /// Bytes of the data section; nullopt when the range leaves it.
+  /// Returns a range of the data section; nullopt when it lies outside.
   [[nodiscard]] std::optional<Bytes> data(std::uint64_t offset, std::uint64_t size) const;
 
  private:
@@ -105,7 +106,7 @@ class Region {
   std::uint64_t message_size_;
 };
 
-/// "name: Permission denied" from errno.
+/// Returns "what: Permission denied" for errno.
 [[nodiscard]] std::string system_message(const char* what);
 /// Its name.
 [[nodiscard]] constexpr std::string_view name_of(std::string_view message) {

@@ -8,8 +8,8 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kProbeTenant = ~u64(0);  // its share is its own, so that no queue delays it
-constexpr double kSoonest = 0.01;      // seconds: nobody is asked to retry faster
+constexpr u64 kProbeTenant = ~u64(0);  // a tenant of its own: waits for one slice of others at most
+constexpr double kSoonest = 0.01;      // seconds: shortest retry time
 
 class ProbeSink final : public JobSink {
  public:
@@ -36,7 +36,7 @@ EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void
 EngineSlot::~EngineSlot() {
   closing_ = true;
   thread_.join();
-  engine_.reset();  // its last calls still find the members below it
+  engine_.reset();  // first: its last callbacks use the members declared after it
 }
 
 void EngineSlot::start(const EngineOptions& options) {
@@ -51,7 +51,7 @@ void EngineSlot::start(const EngineOptions& options) {
   probe([this](const Status& status) { finish(status); });
 }
 
-/// One pixel of a triangle that gives light.
+/// Returns the job of the probe: one pixel of a light-emitting triangle.
 EngineSlot::ProbeJob EngineSlot::probe_job() const {
   Transaction transaction;
   const std::vector<vec3> positions = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};

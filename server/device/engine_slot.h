@@ -1,4 +1,4 @@
-// The engine while it starts, and the pixel that shows that it renders.
+// Starts the engine in the background and renders probe pixels that show that it works.
 #pragma once
 
 #include <atomic>
@@ -12,22 +12,23 @@
 
 namespace heliograph::server {
 
-/// Owns: the engine, and the thread that makes it while the daemon already takes connections.
+/// Owns: the engine, and the thread that makes it while the daemon already accepts connections.
 /// Thread: any.
 class EngineSlot {
  public:
-  /// `first` is called once, from the starting or the device thread, when the first pixel is there
-  /// or is known not to come.
+  /// first   called once, from the starting or the device thread, when the first pixel was rendered
+  /// or failed
   EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> first);
   ~EngineSlot();
 
-  /// Waits for the engine, so call it on the work pool. UNAVAILABLE when it could not be made.
+  /// Waits until the engine is made; call it on the work pool. UNAVAILABLE when it could not be
+  /// made.
   [[nodiscard]] Expected<Engine*> wait() const;
-  /// Null while it starts.
+  /// Returns the engine; null while it starts.
   [[nodiscard]] const Engine* get() const { return engine_now_; }
-  /// Renders one pixel of a scene that is always prepared, as a tenant of its own: it waits for a
-  /// slice of others at most. `done` is called once, from the device thread or
-  /// from here. Only when get() gives an engine.
+  /// Renders one pixel of a scene that is always prepared, as a tenant of its own: it waits for at
+  /// most one time slice of other jobs. `done` is called once, from the device thread or the
+  /// caller's. Requires get() != null.
   void probe(std::function<void(Status)> done);
 
  private:
@@ -37,7 +38,7 @@ class EngineSlot {
   void finish(const Status& status);
 
   const Log& log_;
-  // What the device has of the probe's scene stays there.
+  // Keeps the probe's scene resident on the device.
   const std::shared_ptr<const SceneLife> probe_life_ = std::make_shared<const SceneLife>(true);
   const ProbeJob probe_job_ = probe_job();
   const std::function<void(Status)> first_;
@@ -45,11 +46,12 @@ class EngineSlot {
   std::atomic<Engine*> engine_now_ = nullptr;
   std::promise<Expected<Engine*>> promise_;
   std::shared_future<Expected<Engine*>> future_;
-  std::atomic<bool> closing_ = false;  // then work that is refused is no fault
+  std::atomic<bool> closing_ = false;  // while true, refused work is no fault
   std::thread thread_;
 };
 
-/// When a job that runs will have made room: the seconds a job takes.
+/// Returns after how many seconds a running job will probably have made room: the mean duration of
+/// a job.
 [[nodiscard]] double retry_seconds(const Engine& engine);
 
 }  // namespace heliograph::server

@@ -1,11 +1,11 @@
-// Probe and watchdog. See health.h.
+// Probe and stall detection. See health.h.
 #include "server/device/health.h"
 
 namespace heliograph::server {
 namespace {
 
-constexpr auto kLook = std::chrono::milliseconds(250);
-constexpr auto kTellAgain = std::chrono::minutes(1);
+constexpr auto kTick = std::chrono::milliseconds(250);
+constexpr auto kWarnAgain = std::chrono::minutes(1);
 constexpr double kRetry = 0.5;  // seconds between probes while something is wrong
 
 double seconds(EventLoop::Clock::duration duration) {
@@ -17,10 +17,10 @@ double seconds(EventLoop::Clock::duration duration) {
 Health::Health(EventLoop& loop, const Log& log, Options options)
     : loop_(loop), log_(log), options_(options) {}
 
-void Health::start(EngineSlot& slot, Told told) {
+void Health::start(EngineSlot& slot, Handlers handlers) {
   slot_ = &slot;
-  told_ = std::move(told);
-  loop_.after(kLook, [this] { look(); });
+  handlers_ = std::move(handlers);
+  loop_.after(kTick, [this] { tick(); });
 }
 
 void Health::first_pixel() { on_probe({}); }
@@ -46,26 +46,26 @@ void Health::stand_still(std::string fault) {
     const std::lock_guard lock(mutex_);
     still_ = std::move(fault);
   }
-  tell();
+  report();
 }
 
-/// What changed since it was told last. One thread tells at a time, until the last word holds;
-/// another that comes meanwhile leaves it to that one.
-void Health::tell() {
+/// Reports a change of readiness. One thread reports at a time, until the reported state is the
+/// latest; a concurrent caller leaves it to that thread.
+void Health::report() {
   std::unique_lock lock(mutex_);
-  if (is_telling_) return;
-  is_telling_ = true;
+  if (is_reporting_) return;
+  is_reporting_ = true;
   while (true) {
     const bool is_now = reason_.empty() && still_.empty();
-    if (std::exchange(was_told_, is_now) == is_now) break;
+    if (std::exchange(was_reported_, is_now) == is_now) break;
     lock.unlock();
-    told_.ready(is_now);
+    handlers_.on_ready(is_now);
     lock.lock();
   }
-  is_telling_ = false;
+  is_reporting_ = false;
 }
 
-void Health::look() {
+void Health::tick() {
   const auto now = Clock::now();
   const Engine* engine = slot_->get();
   if (engine != nullptr && !is_draining_) {
@@ -73,20 +73,22 @@ void Health::look() {
     notice_losses(load, now);
     notice_crowding(*engine, now);
     set(find_fault(load, now));
-    if (load.needs_new_process) return told_.lost();
-    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
+    if (load.needs_new_process) return handlers_.on_lost();
+    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds)
+      return handlers_.on_lost();
     const double wait = probe_fault_.empty() ? options_.probe_seconds : kRetry;
-    const bool has_begun = probed_ != Clock::time_point{};  // the first one is the slot's
+    const bool has_begun = probed_ != Clock::time_point{};  // the first probe is EngineSlot's
     if (has_begun && !probe_began_ && seconds(now - probed_) > wait) probe(now);
   }
-  tell();
-  loop_.after(kLook, [this] { look(); });
+  report();
+  loop_.after(kTick, [this] { tick(); });
 }
 
-/// Scenes in turn that do not fit are slow, and nothing else shows why.
+/// Warns when scenes evict each other from the derived data: they render slowly, and nothing else
+/// shows why.
 void Health::notice_crowding(const Engine& engine, Clock::time_point now) {
   const u64 made_again = engine.scenes_made_again();
-  if (made_again == made_again_ || (crowded_ && now - *crowded_ < kTellAgain)) return;
+  if (made_again == made_again_ || (crowded_ && now - *crowded_ < kWarnAgain)) return;
   log_.warning(
       "scenes take turns in the memory of derived data, and are made again each time; "
       "raise --limit derived_bytes, or render each for longer before the next",
@@ -95,7 +97,7 @@ void Health::notice_crowding(const Engine& engine, Clock::time_point now) {
   crowded_ = now;
 }
 
-/// A device that took the place of a lost one has to render a pixel first.
+/// Records a lost device. Its replacement has to render a pixel first.
 void Health::notice_losses(const Load& load, Clock::time_point now) {
   if (!load.is_lost)
     lost_since_.reset();
@@ -107,7 +109,7 @@ void Health::notice_losses(const Load& load, Clock::time_point now) {
   probe_fault_ = "the device was lost, and the new one has rendered no pixel yet";
 }
 
-/// The device's own state first: it is known sooner than a probe ends.
+/// Returns the present fault; the device's own state first, as it is known before a probe ends.
 std::string Health::find_fault(const Load& load, Clock::time_point now) const {
   if (load.is_lost)
     return (load.needs_new_process ? "the device was lost and needs a new process"
@@ -144,7 +146,7 @@ void Health::set(std::string reason) {
     log_.info("not ready", {{"reason", reason}});
   else
     log_.warning("not ready", {{"reason", reason}});
-  tell();
+  report();
 }
 
 }  // namespace heliograph::server

@@ -1,5 +1,5 @@
-// Whether the daemon is ready for work: a probe renders a pixel regularly, and a watchdog sees
-// whether the device moves. Used by lifecycle.cpp; asked by GetServerInfo.
+// Readiness of the daemon: a probe renders a pixel regularly, and stalls of the device are
+// detected. Used by lifecycle.cpp; read by GetServerInfo.
 #pragma once
 
 #include <mutex>
@@ -11,66 +11,66 @@
 
 namespace heliograph::server {
 
-/// Thread: the loop's, but for not_ready() and stand_still(). The engine is destroyed before it.
+/// Thread: the loop's; not_ready() and stand_still(): any. The engine is destroyed before it.
 class Health {
  public:
   struct Options {
-    double lost_seconds = 10;  // a device was away for this long: it is lost for good
-    double hang_seconds = 4;   // nothing moved for this long: not ready
+    double lost_seconds = 10;  // a device lost for longer is lost for good
+    double hang_seconds = 4;   // without progress for longer: not ready
     double probe_seconds = 5;  // between two probes, while all is well
   };
-  /// What follows from a change.
-  struct Told {
-    std::function<void(bool)> ready;  // by one thread at a time, the loop's or the watchdog's
-    std::function<void()> lost;       // the device does not come back; once
+  /// Called on changes.
+  struct Handlers {
+    std::function<void(bool)> on_ready;  // one call at a time; thread: the loop's or the watchdog's
+    std::function<void()> on_lost;       // the device is lost for good; called once
   };
   Health(EventLoop& loop, const Log& log, Options options);
 
-  /// Looks after the engine from now on.
-  void start(EngineSlot& slot, Told told);
-  /// The first pixel is there.
+  /// Starts to probe and observe the engine.
+  void start(EngineSlot& slot, Handlers handlers);
+  /// Reports that the first pixel was rendered.
   void first_pixel();
-  /// Whether files can be decoded.
+  /// Reports the result of the decoder's trial.
   void decoder(const Status& works);
-  /// Not ready from now on, for good.
+  /// Ends readiness for good.
   void drain();
-  /// A part of the daemon stands still; "": all move. Thread: any.
+  /// Reports the stall of a part of the daemon; "": none is stalled. Thread: any.
   void stand_still(std::string fault);
-  /// Why it is not ready, for people; "" when it is.
+  /// Returns the reason, for people, why the daemon is not ready; "": it is ready.
   [[nodiscard]] std::string not_ready() const;
   [[nodiscard]] bool is_ready() const { return not_ready().empty(); }
 
  private:
   using Clock = EventLoop::Clock;
   static constexpr const char* kStarts = "it starts: no pixel was rendered or no file decoded yet";
-  void look();
+  void tick();
   void probe(Clock::time_point now);
   void on_probe(const Status& status);
   void notice_crowding(const Engine& engine, Clock::time_point now);
   void notice_losses(const Load& load, Clock::time_point now);
   [[nodiscard]] std::string find_fault(const Load& load, Clock::time_point now) const;
   void set(std::string reason);
-  void tell();
+  void report();
 
   EventLoop& loop_;
   const Log& log_;
   const Options options_;
   EngineSlot* slot_ = nullptr;
-  Told told_;
+  Handlers handlers_;
   bool is_draining_ = false;
   std::string probe_fault_ = kStarts;
   std::string decoder_fault_ = kStarts;
   std::optional<Clock::time_point> probe_began_;  // while one is in flight
   Clock::time_point probed_;                      // when the last one ended
   std::optional<Clock::time_point> lost_since_;
-  u32 losses_ = 0;                            // that were noticed
-  u64 made_again_ = 0;                        // Engine::scenes_made_again() when it was told
-  std::optional<Clock::time_point> crowded_;  // when it was
+  u32 losses_ = 0;                            // losses already logged
+  u64 made_again_ = 0;                        // Engine::scenes_made_again() at the last warning
+  std::optional<Clock::time_point> crowded_;  // time of the last warning
   mutable std::mutex mutex_;
-  std::string reason_ = kStarts;  // guarded by mutex_, as what is below
-  std::string still_;             // what the watchdog says
-  bool was_told_ = false;         // to be ready
-  bool is_telling_ = false;       // somebody calls told_.ready()
+  std::string reason_ = kStarts;  // guarded by mutex_, like the members below
+  std::string still_;             // fault that the watchdog reported
+  bool was_reported_ = false;     // ready, at the last report
+  bool is_reporting_ = false;     // a thread is in report()
 };
 
 }  // namespace heliograph::server

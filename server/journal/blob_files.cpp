@@ -21,7 +21,7 @@ namespace {
 constexpr const char* kTemporary = ".new";
 
 constexpr double kRetrySeconds = 1;
-constexpr u64 kFileBytes = 4096;  // that one has beside its bytes, at most
+constexpr u64 kFileBytes = 4096;  // overhead of a file on the disk, at most
 
 std::unexpected<Error> failed(const std::string& path, const char* what) {
   const int why = errno;
@@ -58,7 +58,7 @@ Status write_file(const std::string& path, std::span<const std::byte> bytes) {
   return {};
 }
 
-/// Nothing: it is not there, or cannot be read.
+/// Returns nothing when the file is missing or unreadable.
 std::optional<std::string> read_file(const std::string& path) {
   const UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   struct stat status{};
@@ -142,7 +142,7 @@ Expected<Charge> BlobFiles::charge(u64 bytes, Room room) {
   }
   auto charge = Charge::take(options_.disk, bytes);
   if (!charge) {
-    charge.error().retry_seconds = kRetrySeconds;  // what is superseded goes meanwhile
+    charge.error().retry_seconds = kRetrySeconds;  // superseded files are removed meanwhile
     return charge;
   }
   HELIO_TRY(options_.room.admit(bytes, options_.disk->used() - bytes));

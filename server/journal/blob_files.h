@@ -17,46 +17,43 @@
 
 namespace heliograph::server {
 
-/// A file that is on the disk for as long as somebody holds this.
+/// Handle of a file, which stays on the disk while any handle exists.
 class BlobFile;
 using BlobFilePtr = std::shared_ptr<BlobFile>;
 /// Bytes, as they were put or read.
 [[nodiscard]] u64 size_of(const BlobFile& file);
 
-/// What a file must find room for: an edit in its owner's quota and on the disk; a snapshot on the
+/// Where a file must find room: an edit in its owner's quota and on the disk; a snapshot on the
 /// disk alone, since it makes room.
 enum class Room : u8 { kEdit, kSnapshot };
 
-/// The files of one tenant, in one folder. A file is whole and synced, its folder too, before put()
-/// returns; files that nobody holds any more are removed by sweep(), and before the next one is
-/// stored. Thread: any.
+/// The files of one tenant, in one folder. put() returns once the file and its folder are synced.
+/// Files without a handle are removed by sweep(), and before the next one is stored. Thread: any.
 class BlobFiles {
  public:
   struct Options {
     std::string folder;
-    std::shared_ptr<Budget> disk;  // of the tenant
+    std::shared_ptr<Budget> disk;  // the tenant's quota
     DiskRoom& room;
-    const std::atomic<bool>& may_remove;  // false: it is not known what the database refers to
+    const std::atomic<bool>& may_remove;  // false: it is unknown which files the database refers to
   };
   explicit BlobFiles(Options options) : options_(std::move(options)) {}
 
-  /// Stores bytes whose hash is known.
-  /// Fails with RESOURCE_EXHAUSTED (the disk or the quota is full), UNAVAILABLE (the disk failed);
-  /// then there is a retry time.
+  /// Stores bytes whose hash is known. RESOURCE_EXHAUSTED (the disk or the quota is full),
+  /// UNAVAILABLE (the disk failed), each with a retry time.
   [[nodiscard]] Expected<BlobFilePtr> put(const std::string& hash, std::span<const std::byte> bytes,
                                           Room room);
-  /// The hash of a buffer, computed once for each.
+  /// Returns the hash of a buffer, computed once per buffer.
   [[nodiscard]] std::string hash_of(const BufferPtr& buffer);
-  /// The bytes of a file, held from now on; INTERNAL when it is missing or others than its name
-  /// says.
+  /// Reads a file and keeps it from now on. INTERNAL when it is missing or does not match its name.
   [[nodiscard]] Expected<std::pair<BlobFilePtr, std::string>> read(const std::string& hash);
-  /// The tenant's share of the disk for bytes that are stored elsewhere; fails as put() does.
+  /// Charges bytes stored elsewhere to the tenant's quota; fails as put() does.
   [[nodiscard]] Expected<Charge> charge(u64 bytes, Room room);
-  /// The same for what is there already.
+  /// Charges bytes that exist already, beyond any limit.
   [[nodiscard]] Charge count(u64 bytes) { return Charge::count(options_.disk, bytes); }
-  /// One that somebody holds; else null.
+  /// Returns the handle of a file that has one; else null.
   [[nodiscard]] BlobFilePtr find(const std::string& hash);
-  /// Removes files that nobody holds. `strangers`: those that were never put or read, too.
+  /// Removes files without a handle. strangers: also those that were never put or read.
   void sweep(bool strangers = false);
 
  private:
@@ -65,7 +62,7 @@ class BlobFiles {
   [[nodiscard]] Status write(const std::string& hash, std::span<const std::byte> bytes);
   void remove_strangers();
 
-  /// Hashes of files whose last holder is gone.
+  /// Hashes of files whose last handle is gone.
   struct Dropped {
     std::mutex mutex;
     std::vector<std::string> hashes;

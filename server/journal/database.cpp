@@ -15,8 +15,8 @@ namespace heliograph::server {
 namespace {
 
 constexpr const char* kTables[] = {"head", "scenes", "records"};
-constexpr i64 kApplication = 0x48656c69;  // "Heli", in the file's header
-constexpr i64 kIncremental = 2;           // auto_vacuum: free pages go when that is asked for
+constexpr i64 kApplication = 0x48656c69;  // application_id "Heli", in the file's header
+constexpr i64 kIncremental = 2;  // auto_vacuum INCREMENTAL: free pages are removed on request
 
 const char* text_of(sqlite3_stmt* statement, int column) {
   return reinterpret_cast<const char*>(sqlite3_column_text(statement, column));
@@ -70,7 +70,7 @@ Status Database::set_up() {
   const auto tables = number("SELECT count(*) FROM sqlite_master");
   if (!tables) return std::unexpected(tables.error());
   if (*tables != 0) HELIO_TRY(check_format());
-  // Before there are tables: then the file need not be made anew to shrink.
+  // Before tables exist: later it would need a VACUUM.
   if (*tables == 0) HELIO_TRY(run("PRAGMA auto_vacuum=INCREMENTAL"));
   HELIO_TRY(run("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;"));
   is_syncing_ = true;
@@ -137,7 +137,7 @@ Expected<bool> Database::shrink(i64 kept, i64 most) {
   const auto free = number("PRAGMA freelist_count");
   if (!free) return std::unexpected(free.error());
   if (*free <= kept) return true;
-  if (!shrinks_) {  // of an earlier format: made anew once
+  if (!shrinks_) {  // an earlier format: one VACUUM
     HELIO_TRY(run("PRAGMA auto_vacuum=INCREMENTAL; VACUUM"));
     shrinks_ = true;
     return true;

@@ -15,10 +15,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr u64 kLookBytes = 64 << 10;  // written before the disk is looked at again
+constexpr u64 kLookBytes = 64 << 10;  // written before free space is measured again
 constexpr auto kLookAfter = std::chrono::milliseconds(100);
-constexpr u64 kCopies = 2;      // of an edit: in the log and where it is moved from there
-constexpr u64 kLittle = 4;      // little is a quarter of the spare room
+constexpr u64 kCopies = 2;      // of an edit: in the log, and in the file after a checkpoint
+constexpr u64 kLittle = 4;      // "little" is 1 / kLittle of the spare room
 constexpr u64 kReserveOf = 16;  // parts of the disk
 constexpr u64 kSpareOf = 8;
 constexpr double kRetrySeconds = 1;
@@ -61,7 +61,7 @@ u64 DiskRoom::left() {
 
 Status DiskRoom::admit(u64 bytes, u64 used) {
   const bool has_much = used + bytes > spare_ / kLittle;
-  // Is there not even room for small ones, the database finds that out, and all are told.
+  // When even small writes find no room, the database fails, and all waiting edits with it.
   const bool is_small = bytes < kLookBytes;
   if (is_small && !has_much) return {};
   Status admitted = admit_beside(kCopies * bytes, has_much ? spare_ + snapshot_ : 0);

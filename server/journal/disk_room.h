@@ -1,5 +1,4 @@
-// What is left of the state directory's disk, and who may have it. Used by the journal and its
-// files.
+// Free space of the state directory's disk, and its allotment. Used by the journal and its files.
 #pragma once
 
 #include <atomic>
@@ -11,27 +10,28 @@
 
 namespace heliograph::server {
 
-/// Keeps two kinds of room. A reserve, a file that is given up when the disk is full, so that
+/// Keeps two kinds of room: a reserve, a file that is released when the disk is full, so that
 /// scenes can still be deleted; and spare room, which tenants with much on the disk leave to those
-/// with little: one that fills the disk stops itself. Both are small parts of a small disk. Thread:
-/// any.
+/// with little, so that one that fills the disk stops only itself. On a small disk both are small
+/// parts of it. Thread: any.
 class DiskRoom {
  public:
   struct Options {
     std::string folder;
-    u64 reserve = 16ull << 20;  // bytes; a sixteenth of the disk at most
-    u64 spare = 1ull << 30;     // an eighth at most
+    u64 reserve = 16ull << 20;  // bytes; at most 1/16 of the disk
+    u64 spare = 1ull << 30;     // bytes; at most 1/8 of the disk
   };
-  /// The folder is there.
+  /// The folder must exist.
   explicit DiskRoom(Options options);
 
-  /// Whether an owner who uses `used` bytes may write these; RESOURCE_EXHAUSTED with a retry time.
+  /// Checks that an owner with `used` bytes on the disk may write these. RESOURCE_EXHAUSTED with a
+  /// retry time.
   [[nodiscard]] Status admit(u64 bytes, u64 used);
-  /// The same of a part of a snapshot, which takes the place of another one.
+  /// The same for a part of a snapshot, which replaces an earlier one.
   [[nodiscard]] Status admit_snapshot(u64 bytes);
-  /// The next snapshot has about so many bytes: room that edits leave to it.
+  /// Sets the expected size of the next snapshot: edits leave room for it.
   void expect_snapshot(u64 bytes) { snapshot_ = bytes; }
-  /// Takes the reserve when there is that much, and a quarter more: RESOURCE_EXHAUSTED otherwise.
+  /// Allocates the reserve when 1.25 times its size is free. RESOURCE_EXHAUSTED otherwise.
   [[nodiscard]] Status take_reserve();
   void release_reserve();
   [[nodiscard]] u64 reserve() const { return reserve_; }
@@ -39,7 +39,7 @@ class DiskRoom {
   [[nodiscard]] u64 size() const { return size_; }
 
  private:
-  /// `kept`: bytes that are not for this.
+  /// kept   bytes reserved for other uses
   [[nodiscard]] Status admit_beside(u64 needed, u64 kept);
   [[nodiscard]] u64 left();  // under mutex_
 
@@ -49,8 +49,8 @@ class DiskRoom {
   u64 spare_ = 0;
   std::atomic<u64> snapshot_ = 0;
   std::mutex mutex_;
-  u64 free_ = 0;     // when it was looked at
-  u64 written_ = 0;  // since
+  u64 free_ = 0;     // free bytes at the last measurement
+  u64 written_ = 0;  // written since then
   std::chrono::steady_clock::time_point looked_{};
 };
 

@@ -1,4 +1,4 @@
-// The writer: entries that wait are one transaction of the database. See journal.h.
+// The writer: waiting records become one transaction of the database. See journal.h.
 #include "server/journal/journal.h"
 
 #include <fmt/format.h>
@@ -13,11 +13,11 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kGroupBytes = 1 << 20;  // of a commit
-constexpr u64 kErasedMost = 256;      // old records, with each commit
+constexpr u64 kGroupBytes = 1 << 20;  // bytes per commit
+constexpr u64 kErasedMost = 256;      // old records erased per commit
 constexpr u64 kErasedBytes = 4 << 20;
-constexpr u64 kRecordBytes = 96;     // that one has beside its text
-constexpr u64 kControlBytes = 4096;  // what a change of rows counts for
+constexpr u64 kRecordBytes = 96;     // overhead of a record
+constexpr u64 kControlBytes = 4096;  // cost of a Control in the queue
 constexpr auto kLookAround = std::chrono::seconds(1);
 constexpr auto kGather = std::chrono::microseconds(100);
 
@@ -27,17 +27,17 @@ constexpr auto kGather = std::chrono::microseconds(100);
 
 Status Journal::push(Item item, bool is_ours) {
   const bool frees = item.control && (item.control->removed || item.control->is_snapshot);
-  const u64 bytes = item.control ? kControlBytes : item.entry.record.size() + kRecordBytes;
+  const u64 bytes = item.control ? kControlBytes : item.record.body.size() + kRecordBytes;
   {
     const std::lock_guard lock(mutex_);
     if (!status_ && !(is_full_ && frees)) return status_;
     if (is_refusing_ && !is_ours) return shutting_down();
-    if (queue_.size_of(item.entry.tenant) >= options_.queue)
+    if (queue_.size_of(item.record.tenant) >= options_.queue)
       return busy(
           fmt::format("{} edits wait for the disk already; retry later (limit journal_queue)",
                       options_.queue),
           "journal_queue");
-    const std::string tenant = item.entry.tenant;
+    const std::string tenant = item.record.tenant;
     queue_.push(tenant, bytes, std::move(item));
     if (queue_.size() < wanted_) return {};
   }
@@ -45,14 +45,14 @@ Status Journal::push(Item item, bool is_ours) {
   return {};
 }
 
-Status Journal::append(Entry entry) {
-  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kEdit);
+Status Journal::append(JournalRecord record) {
+  auto charge = files(record.tenant).charge(record.body.size() + kRecordBytes, Room::kEdit);
   if (!charge) {
     want_room();
     return std::unexpected(std::move(charge).error());
   }
-  entry.charge = std::move(*charge);
-  return push({.entry = std::move(entry), .control = nullptr}, false);
+  record.charge = std::move(*charge);
+  return push({.record = std::move(record), .control = nullptr}, false);
 }
 
 void Journal::want_room() {
@@ -66,11 +66,11 @@ void Journal::want_room() {
 Status Journal::run(std::shared_ptr<Control> control, const std::string& tenant) {
   auto done = std::make_shared<std::promise<Status>>();
   auto result = done->get_future();
-  Entry entry{.tenant = tenant, .sync = true, .done = [done](const Status& status) {
-                done->set_value(status);
-              }};
+  JournalRecord record{.tenant = tenant, .sync = true, .done = [done](const Status& status) {
+                         done->set_value(status);
+                       }};
   const bool is_ours = control->is_snapshot;
-  HELIO_TRY(push({.entry = std::move(entry), .control = std::move(control)}, is_ours));
+  HELIO_TRY(push({.record = std::move(record), .control = std::move(control)}, is_ours));
   return result.get();
 }
 
@@ -151,7 +151,8 @@ void Journal::work() {
 Status Journal::write(Control& control, journal::Head& next) {
   for (journal::SceneRow& row : control.added) {
     if (!control.is_snapshot) row.set_record(next.last());
-    if (control.is_snapshot && !next_rows_.contains(row.scene())) continue;  // deleted meanwhile
+    if (control.is_snapshot && !next_rows_.contains(row.scene()))
+      continue;  // the scene was deleted meanwhile
     const std::string body = row.SerializeAsString();
     HELIO_TRY(database_->put(Rows::kScenes, row.scene(), body, sum_of(0, row.scene(), body)));
     next_rows_[row.scene()] = row;
@@ -170,17 +171,17 @@ Status Journal::write(Control& control, journal::Head& next) {
 
 Status Journal::write(std::vector<Item>& group, journal::Head& next) {
   bool sync = false;
-  for (const Item& item : group) sync |= item.entry.sync;
+  for (const Item& item : group) sync |= item.record.sync;
   HELIO_TRY(database_->begin(sync));
   for (Item& item : group) {
     if (item.control) {
       HELIO_TRY(write(*item.control, next));
       continue;
     }
-    item.record = next.last() + 1;
-    next.set_last_sum(sum_of(next.last_sum(), item.record, item.entry.record));
-    next.set_last(item.record);
-    HELIO_TRY(database_->put(Rows::kRecords, item.record, item.entry.record, next.last_sum()));
+    item.number = next.last() + 1;
+    next.set_last_sum(sum_of(next.last_sum(), item.number, item.record.body));
+    next.set_last(item.number);
+    HELIO_TRY(database_->put(Rows::kRecords, item.number, item.record.body, next.last_sum()));
   }
   if (oldest_ < head_.first())
     HELIO_TRY(database_->erase(Rows::kRecords, oldest_,
@@ -195,7 +196,7 @@ void Journal::commit(std::vector<Item> group) {
   const bool has_control =
       std::ranges::any_of(group, [](const Item& item) { return item.control != nullptr; });
   if (has_control) next_rows_ = rows_;
-  const bool has_synced = std::ranges::any_of(group, [](const Item& i) { return i.entry.sync; });
+  const bool has_synced = std::ranges::any_of(group, [](const Item& i) { return i.record.sync; });
   const auto start = std::chrono::steady_clock::now();
   if (auto written = write(group, next); !written && !has_bug("ignore_error"))
     return stall(std::move(group), written.error());
@@ -207,23 +208,24 @@ void Journal::commit(std::vector<Item> group) {
   {
     const std::lock_guard lock(mutex_);
     for (const Item& item : group)
-      if (!item.control) changed_scenes_.insert(item.entry.scene);
+      if (!item.control) changed_scenes_.insert(item.record.scene);
   }
   for (Item& item : group) {
     account(item);
     adopt(item);
-    item.entry.done({});
+    item.record.done({});
   }
   if (database_->log_pages() < log_pages()) return;
   if (auto moved = database_->checkpoint(false); !moved) stall({}, moved.error());
 }
 
-/// What a snapshot holds instead was counted before that.
+/// Updates byte counts and charges. A record's charge is released once a snapshot, which is charged
+/// first, contains it.
 void Journal::account(Item& item) {
   if (!item.control) {
-    bytes_since_ += item.entry.record.size();
-    for (const BlobFilePtr& file : item.entry.files) bytes_since_ += size_of(*file);
-    charges_[item.entry.tenant].merge(std::move(item.entry.charge));
+    bytes_since_ += item.record.body.size();
+    for (const BlobFilePtr& file : item.record.files) bytes_since_ += size_of(*file);
+    charges_[item.record.tenant].merge(std::move(item.record.charge));
     return;
   }
   if (!item.control->is_snapshot) return;
@@ -239,8 +241,8 @@ void Journal::account(Item& item) {
 
 void Journal::adopt(Item& item) {
   if (!item.control) {
-    if (!item.entry.files.empty() && rows_.contains(item.entry.scene))
-      record_files_[item.entry.scene].emplace_back(item.record, std::move(item.entry.files));
+    if (!item.record.files.empty() && rows_.contains(item.record.scene))
+      record_files_[item.record.scene].emplace_back(item.number, std::move(item.record.files));
     return;
   }
   Control& control = *item.control;

@@ -1,4 +1,4 @@
-// The journal of durable scenes: what was acknowledged survives the daemon. Called by the scenes
+// Journal of durable scenes: acknowledged edits survive the daemon. Called by the scenes
 // (scenes.cpp) and by the daemon's start and end.
 #pragma once
 
@@ -28,111 +28,112 @@
 
 namespace heliograph::server {
 
-/// What of a record is written: serialised, with the files it names.
-struct Entry {
+/// A record to write, with the files it names.
+struct JournalRecord {
   u64 scene = 0;
   std::string tenant = {};
-  std::string record;
-  bool sync = false;  // survives a loss of power
+  std::string body;   // a serialised journal::Record
+  bool sync = false;  // true: must survive a loss of power
   std::vector<BlobFilePtr> files = {};
-  /// Called once, from the writer's thread, for a tenant in the order of append(): committed, or an
-  /// error and then nothing of it will be there after a restart.
+  /// Called once, from the writer's thread, per tenant in the order of append(): OK once committed,
+  /// or an error, after which nothing of it exists after a restart.
   std::function<void(const Status&)> done;
-  Charge charge = {};  // of the tenant's disk; append() takes it
+  Charge charge = {};  // of the tenant's disk quota; set by append()
 };
 
 /// Owns: the state directory, the database, and the thread that writes it. Thread: any.
 ///
-/// Entries that wait are committed together, up to a megabyte of them, in a fair order of tenants.
-/// After a commit that waited for the disk, those who
-/// were answered are given a moment to send their next ones, so that all share the next wait: as
-/// many entries as before, or half the time that the disk took, 0.1 ms at most. After an error
-/// nothing is acknowledged: all that waits fails, the database is closed, and once a second it is
-/// opened again, brought to what was acknowledged, and moved out of its log; when that works,
-/// writing goes on. Was the disk full, the room for this comes from a reserve, scenes can be
-/// removed then, and edits go on once the reserve is there again.
+/// Group commit: waiting records are committed together, up to 1 MiB, in a fair order of tenants.
+/// After a commit that waited for the disk, the writer waits for the next records of the clients it
+/// has just answered, so that they share the next sync: until as many as before wait, for half the
+/// time of the last sync and 0.1 ms at most.
 ///
-/// A snapshot is due after a number of records, or after as many bytes as the scenes themselves
-/// have; also when somebody found no room.
+/// After an error nothing is acknowledged: all waiting records fail and the database is closed;
+/// once per second it is opened again, reset to the acknowledged state, and checkpointed, after
+/// which writing goes on. When the disk was full, a reserve provides the room for that: scenes can
+/// be removed meanwhile, and edits go on once the reserve is allocated again.
+///
+/// A snapshot is due after a number of records, after as many bytes as the scenes themselves have,
+/// and when want_room() was called.
 class Journal {
  public:
   struct Options {
     std::string folder;
     u64 snapshot_records = 100'000;    // between two snapshots
-    u64 snapshot_bytes = 64ull << 20;  // the same, and more where scenes have more
-    u64 queue = 65'536;                // entries of one tenant that may wait
-    u64 reserve = 16ull << 20;         // bytes: see DiskRoom
+    u64 snapshot_bytes = 64ull << 20;  // the same in bytes; more where scenes are larger
+    u64 queue = 65'536;                // waiting records per tenant
+    u64 reserve = 16ull << 20;         // bytes; see DiskRoom
     u64 spare = 1ull << 30;
-    /// A tenant's share of the disk, by its name.
+    /// Returns a tenant's disk quota, by the tenant's name.
     std::function<std::shared_ptr<Budget>(const std::string&)> disk;
   };
-  /// Called when writing stops (an error) and when it goes on (OK).
+  /// Called when writing stops (an error) and when it resumes (OK).
   using Changed = std::function<void(const Status&)>;
-  /// The states of these scenes, as far as their entries were done; of `row` only the id is read.
-  /// Called by the writer's thread.
+  /// Returns the states of these scenes, with the edits whose done() was called; `row` needs only
+  /// the id. Thread: the writer's.
   using Capture = std::function<std::vector<SceneState>(const std::set<u64>& scenes)>;
 
-  /// Takes the folder. ALREADY_EXISTS: another daemon has it; INTERNAL: it is damaged;
-  /// UNIMPLEMENTED: its format is not known.
+  /// Opens and locks the folder. ALREADY_EXISTS: another daemon has it; INTERNAL: it is damaged;
+  /// UNIMPLEMENTED: its format is unknown.
   [[nodiscard]] static Expected<std::unique_ptr<Journal>> open(Options options, WorkPool& pool,
                                                                const Log& log);
   ~Journal();
 
   using ReadScene = std::function<Status(const journal::SceneRow&)>;
-  /// A record, its number, and its transaction; null: that is a file of its own.
+  /// Reads a record: its number, and its transaction; null: that is in a file of its own.
   using ReadRecord = std::function<Status(u64, const journal::Record&, const v1::Transaction*)>;
-  /// What there is to recover: rows of scenes, then the records that are not in all snapshots, in
-  /// order; the sum of each is checked. INTERNAL names the first row that is damaged. Another
-  /// thread reads ahead.
+  /// Reads everything to recover: rows of scenes, then the records that are not in all snapshots,
+  /// in order, verifying checksums. INTERNAL names the first damaged row. Another thread reads
+  /// ahead.
   [[nodiscard]] Status read(const ReadScene& scene, const ReadRecord& record);
-  /// Files that recovery found a scene to need; `record` 0: by its snapshot.
+  /// Keeps files that recovery found a scene to need; record 0: its snapshot needs them.
   void hold(u64 scene, u64 record, std::vector<BlobFilePtr> files);
-  /// Begins to write; files that nothing holds are removed, and what was saved for this daemon:
-  /// it has that now. A directory of an earlier format has this one from here on.
+  /// Starts the writer. Removes files without a handle, and scenes that an earlier daemon saved,
+  /// which this one has recovered. Upgrades a directory of an earlier format.
   [[nodiscard]] Status start(Capture capture, Changed changed);
 
-  /// UNAVAILABLE or RESOURCE_EXHAUSTED while it does not write, or its tenant has no room; nothing
-  /// is called then.
-  [[nodiscard]] Status append(Entry entry);
-  /// Adds or removes a scene; returns when that is committed.
+  /// Queues a record. UNAVAILABLE or RESOURCE_EXHAUSTED while the journal does not write, or the
+  /// tenant has no room; done() is not called then.
+  [[nodiscard]] Status append(JournalRecord record);
+  /// Adds or removes a scene; returns once that is committed.
   [[nodiscard]] Status add(SceneState state);
   [[nodiscard]] Status remove(u64 scene, const std::string& tenant);
-  /// There was no room for somebody: what is superseded goes soon.
+  /// Reports that something found no room: superseded data is removed soon.
   void want_room();
-  /// What became of save().
+  /// Result of save().
   struct Saved {
     u64 scenes = 0;
     u64 bytes = 0;
-    u64 lost = 0;    // could not be saved
-    Status because;  // why the last of these not
+    u64 lost = 0;    // scenes that could not be saved
+    Status because;  // reason of the last one lost
   };
-  /// Adds scenes that are not durable, so that the next daemon has them: all that fit into `bytes`
-  /// on the disk, what scenes share once, in one commit. Returns when that is done.
+  /// Saves scenes that are not durable for the next daemon: all that fit into `bytes` on the disk,
+  /// counting shared files once, in one commit. Returns once that is done.
   [[nodiscard]] Saved save(std::vector<SceneState> states, u64 bytes);
-  /// OK while it writes, else why not.
+  /// Returns OK while it writes, else the reason why not.
   [[nodiscard]] Status status() const;
-  /// What was wrong with the log at the start, and what that means; "": nothing.
+  /// Returns what was damaged in the log at the start, and the consequence; "": nothing.
   [[nodiscard]] const std::string& damage() const { return damage_; }
-  /// Refuses what comes, commits what waits, writes snapshots, ends the thread.
+  /// Refuses new records, commits the waiting ones, writes snapshots, ends the thread.
   void stop();
 
   [[nodiscard]] BlobFiles& files(const std::string& tenant);
 
  private:
-  /// A change of the rows of scenes.
+  /// A change of scenes' rows.
   struct Control {
     std::vector<journal::SceneRow> added;  // or replaced, by a snapshot
     std::map<u64, std::vector<BlobFilePtr>> files;
     std::optional<u64> removed;
     bool is_snapshot = false;
-    u64 record = 0;  // of a snapshot: the last one that is in it
-    u64 sum = 0;     // of that record
-    u64 bytes = 0;   // that were stored for it, without arrays
+    u64 record = 0;  // of a snapshot: the last record in it
+    u64 sum = 0;     // checksum of that record
+    u64 bytes = 0;   // bytes stored for it, without arrays
   };
   struct Item {
-    Entry entry;
+    JournalRecord record;
     std::shared_ptr<Control> control;  // null: a record
-    u64 record = 0;
+    u64 number = 0;                    // number of the record, set when it is written
   };
   static constexpr u64 kPageBytes = 4096;
   Journal(Options options, WorkPool& pool, const Log& log)
@@ -173,10 +174,10 @@ class Journal {
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes);
   [[nodiscard]] Expected<std::shared_ptr<Control>> encode(std::vector<SceneState> states,
                                                           u64 record, u64 sum);
-  void snapshot_here();  // by the caller, while the thread does not run
+  void snapshot_here();  // in the caller's thread, while the writer does not run
   [[nodiscard]] Status encode_here();
   [[nodiscard]] Status shrink_wholly();
-  /// Of SQLite's log, before they are moved into the database: what half the reserve has.
+  /// Pages of SQLite's log that trigger a checkpoint: half the size of the reserve.
   [[nodiscard]] int log_pages() const { return int(room_->reserve() / 2 / kPageBytes) + 1; }
   void sweep();
 
@@ -185,43 +186,44 @@ class Journal {
   const Log& log_;
   UniqueFd lock_;
   std::unique_ptr<DiskRoom> room_;
-  std::atomic<bool> may_remove_ = true;                      // files
-  std::unique_ptr<Database> database_;                       // writer's; null while it is broken
+  std::atomic<bool> may_remove_ = true;  // files may be removed
+  std::unique_ptr<Database> database_;   // accessed by the writer; null while stalled
   std::map<std::string, std::unique_ptr<BlobFiles>> files_;  // by tenant
   std::mutex files_mutex_;
   Capture capture_;
   Changed changed_;
 
-  std::string damage_;  // what was wrong with the log when it was opened
+  std::string damage_;  // damage of the log at the start
 
-  // The writer's alone, once it runs.
+  // Accessed by the writer only, once it runs.
   using Files = std::vector<BlobFilePtr>;
   journal::Head head_;                     // as committed
   std::map<u64, journal::SceneRow> rows_;  // as committed
   std::map<u64, journal::SceneRow> next_rows_;
   std::map<u64, Files> state_files_;                               // of each scene's snapshot
   std::map<u64, std::deque<std::pair<u64, Files>>> record_files_;  // of its records since
-  u64 oldest_ = 1;                                    // record that may still be in the database
-  u64 erased_ = 256;                                  // old records that go with each commit
-  u64 snapshot_at_ = 0;                               // record of the last snapshot
-  u64 snapshot_bytes_ = 0;                            // stored for it
-  u64 bytes_since_ = 0;                               // of records and their files
+  u64 oldest_ = 1;          // first record that may still be in the database
+  u64 erased_ = 256;        // old records erased with each commit
+  u64 snapshot_at_ = 0;     // record of the last snapshot
+  u64 snapshot_bytes_ = 0;  // bytes stored for it
+  u64 bytes_since_ = 0;     // bytes of records and their files since the last snapshot
   std::map<std::string, Charge> charges_;             // of records, by tenant
-  std::map<std::string, Charge> old_charges_;         // of those in the snapshot that is made
-  bool has_free_ = false;                             // pages
-  std::size_t last_group_ = 0;                        // entries of the last commit
-  std::chrono::steady_clock::duration last_sync_{0};  // how long it took, where it synced
+  std::map<std::string, Charge> old_charges_;         // of the records in the snapshot being made
+  bool has_free_ = false;                             // the database has free pages
+  std::size_t last_group_ = 0;                        // records of the last commit
+  std::chrono::steady_clock::duration last_sync_{0};  // duration of the last commit that synced
 
   mutable std::mutex mutex_;
   std::condition_variable ready_;
   WriteQueue<Item> queue_;
-  std::size_t wanted_ = 1;  // so many entries wake the writer
+  std::size_t wanted_ = 1;  // queue length that wakes the writer
   Status status_;
-  std::set<u64> changed_scenes_;                           // since their snapshot
-  bool is_encoding_ = false;                               // a snapshot is being made
-  bool wants_room_ = false;                                // so one is due
-  std::chrono::steady_clock::time_point next_snapshot_{};  // that is made for room
-  bool is_full_ = false;  // the disk was: the reserve is gone, only removals are written
+  std::set<u64> changed_scenes_;  // since their snapshot
+  bool is_encoding_ = false;      // a snapshot is being made
+  bool wants_room_ = false;       // a snapshot is due to free room
+  std::chrono::steady_clock::time_point
+      next_snapshot_{};   // earliest time of the next one made for room
+  bool is_full_ = false;  // the disk was full: the reserve is released, only removals are written
   bool is_refusing_ = false;
   bool is_stopping_ = false;
   std::thread thread_;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kHeader = 32;
 constexpr std::size_t kFrameHeader = 24;
-constexpr u32 kMagic = 0x377f0682;  // its last bit: checksums read words as big-endian
+constexpr u32 kMagic = 0x377f0682;  // last bit set: checksums use big-endian words
 
 u32 big_endian(std::string_view bytes, std::size_t at) {
   u32 word;
@@ -23,7 +23,7 @@ u32 big_endian(std::string_view bytes, std::size_t at) {
   return __builtin_bswap32(word);
 }
 
-/// The running checksum of the log: pairs of words, Fibonacci-weighted.
+/// Cumulative checksum of the log: pairs of words, Fibonacci-weighted.
 struct Sum {
   bool is_big_endian = false;
   u32 a = 0, b = 0;
@@ -45,7 +45,7 @@ struct Sum {
   }
 };
 
-/// Reads `bytes` that long; false: there are fewer.
+/// Fills `bytes`; false: the file ends first.
 bool read(std::ifstream& in, std::string& bytes) {
   return bool(in.read(bytes.data(), std::streamsize(bytes.size())));
 }

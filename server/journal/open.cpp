@@ -1,4 +1,4 @@
-// Opening the state directory and reading what it holds. See journal.h.
+// Opens the state directory and reads its content. See journal.h.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
@@ -25,7 +25,7 @@ namespace {
 constexpr const char* kHeadFormat = "heliograph.journal.2";
 constexpr const char* kFirstFormat = "heliograph.journal.1";  // user_version 0
 constexpr u64 kAll = std::numeric_limits<i64>::max();
-constexpr u64 kBatch = 1024;  // records that are read while those before them are applied
+constexpr u64 kBatch = 1024;  // records read ahead while earlier ones are applied
 constexpr u64 kBatchBytes = 1 << 20;
 
 std::unexpected<Error> damaged(const std::string& what) {
@@ -33,7 +33,7 @@ std::unexpected<Error> damaged(const std::string& what) {
               what + "; restore the directory from a backup, or move it away");
 }
 
-/// Records and their transactions, parsed, which live as long as this does.
+/// A batch of records and parsed transactions, which live as long as it does.
 struct Batch {
   struct Each {
     u64 id = 0;
@@ -43,9 +43,9 @@ struct Batch {
   google::protobuf::Arena arena;
   std::vector<Each> records;
   u64 bytes = 0;
-  u64 last = 0;  // number and checksum of the last one, or of the one before the batch
+  u64 last = 0;  // number and checksum of the last record, or of the one before an empty batch
   u64 sum = 0;
-  Status status;  // why there are no more
+  Status status;  // reason why there are no more
 };
 
 Status read_row(const Database::Row& row, Batch& batch) {
@@ -66,7 +66,7 @@ Status read_row(const Database::Row& row, Batch& batch) {
   return {};
 }
 
-/// Those after record `last`, whose checksum is `sum`; none: there are no more.
+/// Reads the records after `last`, whose checksum is `sum`; an empty batch: the end.
 std::unique_ptr<Batch> read_batch(Database& database, u64 last, u64 sum) {
   auto batch = std::make_unique<Batch>();
   batch->last = last;
@@ -85,7 +85,7 @@ Expected<std::unique_ptr<Journal>> Journal::open(Options options, WorkPool& pool
   made->room_ = std::make_unique<DiskRoom>(DiskRoom::Options{.folder = made->options_.folder,
                                                              .reserve = made->options_.reserve,
                                                              .spare = made->options_.spare});
-  made->room_->release_reserve();  // of a daemon that was killed: a full disk is opened with it
+  made->room_->release_reserve();  // left by a killed daemon: its room lets a full disk be opened
   made->damage_ = check_log(made->path() + "-wal");
   auto database = Database::open(made->path(), true);
   if (!database && database.error().code == Code::kInternal)
@@ -101,14 +101,14 @@ Journal::~Journal() { stop(); }
 Status Journal::take_folder() {
   const std::string& folder = options_.folder;
   HELIO_CHECK(make_folder(folder), "--state-dir");
-  if (auto own = open_own_folder(folder, Others::kMayNothing, "--state-dir"); !own)
+  if (auto own = open_own_folder(folder, Others::kOwnerOnly, "--state-dir"); !own)
     return std::unexpected(std::move(own).error());
   HELIO_CHECK(make_folder(folder + "/blobs"), "--state-dir");
   lock_ = UniqueFd(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!lock_ || ::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0)
     return fail(Code::kAlreadyExists, "--state-dir",
                 folder + " is another daemon's, or is not writable; give each its own");
-  // SQLite would make it for all to read, and gives its log the same mode.
+  // SQLite would create it world-readable, and its log with the same mode.
   const UniqueFd file(::open(path().c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!file || ::fchmod(file.get(), 0600) != 0)
     return fail(Code::kUnavailable, "--state-dir",
@@ -134,7 +134,7 @@ Status Journal::read_head() {
   if (head_.format().empty() && (*record != 0 || *scene != 0))
     return damaged("the head of the journal is missing");
   if (head_.format().empty()) head_.set_first(1);
-  head_.set_format(kHeadFormat);  // which it has once this run begins
+  head_.set_format(kHeadFormat);  // written with the first commit of this run
   oldest_ = *record != 0 ? *record : head_.first();
   snapshot_at_ = head_.first() - 1;
   return {};
@@ -162,9 +162,9 @@ Status Journal::read_rows(const ReadScene& scene, const ReadRecord& record) {
 
 Status Journal::read_records(const ReadRecord& record) {
   auto batch = read_batch(*database_, head_.first() - 1, head_.first_sum());
-  std::map<u64, u64> bytes;  // of each scene
+  std::map<u64, u64> bytes;  // by scene
   while (!batch->records.empty()) {
-    // Of large ones there are not two batches at a time.
+    // Large batches are not read ahead two at a time.
     const auto when = batch->bytes < kBatchBytes ? std::launch::async : std::launch::deferred;
     auto next = std::async(when, [this, last = batch->last, sum = batch->sum] {
       return read_batch(*database_, last, sum);
@@ -187,11 +187,11 @@ Status Journal::read_records(const ReadRecord& record) {
   return {};
 }
 
-/// The bytes of a scene's records.
+/// Returns the bytes of a scene's records.
 void Journal::count(u64 scene, u64 bytes) {
   bytes_since_ += bytes;
   const auto row = rows_.find(scene);
-  if (row == rows_.end()) return;  // deleted since
+  if (row == rows_.end()) return;  // the scene was deleted by a later record
   const std::string& tenant = row->second.tenant();
   charges_[tenant].merge(files(tenant).count(bytes));
 }
@@ -231,15 +231,15 @@ Status Journal::start(Capture capture, Changed changed) {
   for (const auto& tenant :
        std::filesystem::directory_iterator(options_.folder + "/blobs", ignored))
     files(tenant.path().filename().string()).sweep(true);
-  // Of so many records the next start would take as long, and a daemon that soon ends again adds
-  // more.
+  // With that many records the next start would take as long, and a daemon that soon ends again
+  // would add more.
   if (head_.last() - snapshot_at_ >= options_.snapshot_records) snapshot_here();
   thread_ = std::thread([this] { work(); });
   return {};
 }
 
-/// In the commit that begins this run: a daemon that is killed after it leaves none of them, as
-/// they may have gone on since.
+/// Removes saved scenes in the commit that begins this run: a daemon killed after it must not leave
+/// them, as clients may have edited them since.
 Status Journal::forget_saved() {
   for (auto row = rows_.begin(); row != rows_.end();) {
     const auto each = row++;

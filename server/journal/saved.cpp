@@ -1,4 +1,4 @@
-// Scenes that are not durable, on their way to the next daemon. See journal.h.
+// Saves scenes that are not durable for the next daemon. See journal.h.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ std::unexpected<Error> too_many(u64 bytes) {
 
 }  // namespace
 
-/// The small ones first, so that most are there when not all of them fit.
+/// Small scenes first, so that most are saved when not all fit.
 Journal::Saved Journal::save(std::vector<SceneState> states, u64 bytes) {
   std::ranges::sort(states, {}, [](const SceneState& state) { return array_bytes(*state.head); });
   Saved saved;
@@ -30,7 +30,7 @@ Journal::Saved Journal::save(std::vector<SceneState> states, u64 bytes) {
     }
     ++saved.lost;
     saved.because = std::unexpected(std::move(more).error());
-    sweep();  // what was written of it
+    sweep();  // removes files written for it
   }
   if (control->added.empty()) return saved;
   if (Status committed = run(std::move(control)); !committed)
@@ -38,7 +38,7 @@ Journal::Saved Journal::save(std::vector<SceneState> states, u64 bytes) {
   return saved;
 }
 
-/// How many bytes of files that others do not have it needs.
+/// Returns the bytes of its files that no earlier scene shares.
 Expected<u64> Journal::store_within(SceneState& state, u64 bytes,
                                     std::set<const BlobFile*>& counted, Control& control) {
   auto stored = store_state(state, files(state.row.tenant()), Room::kSnapshot);

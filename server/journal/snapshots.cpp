@@ -8,13 +8,13 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kLogOf = 16;  // parts of the disk
+constexpr u64 kLogOf = 16;  // fraction of the disk: 1 / kLogOf
 constexpr auto kBetween = std::chrono::seconds(1);
 constexpr i64 kShrunkAtOnce = 1'000;  // pages, 4 MB
 
 }  // namespace
 
-/// At most once a second where somebody wants room: that costs what a snapshot costs.
+/// Due at most once per second when room is wanted, since each costs a whole snapshot.
 bool Journal::is_due() {
   const u64 most =
       std::max(std::min(options_.snapshot_bytes, room_->size() / kLogOf), snapshot_bytes_);
@@ -60,7 +60,7 @@ void Journal::snapshot_if_due() {
   if (!posted) end(posted);
 }
 
-/// Counts records and bytes from here on for the snapshot after this one.
+/// Restarts the counts of records and bytes for the next snapshot.
 void Journal::begin_snapshot() {
   snapshot_at_ = head_.last();
   bytes_since_ = 0;
@@ -95,7 +95,8 @@ Expected<std::shared_ptr<Journal::Control>> Journal::encode(std::vector<SceneSta
   return control;
 }
 
-/// Appends take the lock for a look-up, so no file is removed under it. No entry ever goes.
+/// Removes files without a handle. Appends take the lock for a lookup, so no file in use is
+/// removed; entries of files_ are never erased.
 void Journal::sweep() {
   std::vector<BlobFiles*> stores;
   {
@@ -105,7 +106,7 @@ void Journal::sweep() {
   for (BlobFiles* store : stores) store->sweep();
 }
 
-/// A part at a time, when no old record is left.
+/// Shrinks the file, a part at a time, once no old record is left.
 void Journal::shrink() {
   if (!database_ || !has_free_ || oldest_ < head_.first()) return;
   auto all = database_->shrink(log_pages(), kShrunkAtOnce);
@@ -154,7 +155,7 @@ Status Journal::encode_here() {
   std::vector<Item> group;
   Status committed;
   group.push_back(
-      {.entry = {.sync = true, .done = [&](const Status& status) { committed = status; }},
+      {.record = {.sync = true, .done = [&](const Status& status) { committed = status; }},
        .control = std::move(*control)});
   commit(std::move(group));
   HELIO_TRY(committed);

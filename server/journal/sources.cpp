@@ -16,7 +16,7 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-/// Where the bytes of an array are that its edit consumes; "": elsewhere.
+/// Returns the upload or buffer that an array consumes; "": none.
 std::string consumed_by(const v1::Array& array) {
   const v1::BufferRef& buffer = array.buffer();
   if (array.has_buffer())
@@ -24,7 +24,8 @@ std::string consumed_by(const v1::Array& array) {
   return array.has_upload() ? "upload " + array.upload() : "";
 }
 
-/// Names what a message's arrays consume, and those of messages in it, by the hashes of the bytes.
+/// Replaces uploads and buffers that a message's arrays consume, nested ones too, by the hashes of
+/// the bytes.
 void name_by_hash(Message& message, const std::map<std::string, std::string>& consumed) {
   if (message.GetDescriptor() == v1::Array::descriptor()) {
     auto& array = static_cast<v1::Array&>(message);
@@ -47,7 +48,7 @@ void name_by_hash(Message& message, const std::map<std::string, std::string>& co
 }
 
 constexpr std::size_t kLargestInRecord = 256 << 10;
-constexpr std::size_t kModels = 16;  // that recovery keeps
+constexpr std::size_t kModels = 16;  // models that recovery caches
 
 std::span<const std::byte> bytes_of(const std::string& text) {
   return std::as_bytes(std::span(text));
@@ -119,7 +120,7 @@ std::string RecordingSource::fill(const v1::Transaction& transaction, journal::R
     return "";
   }
   record.set_transaction_file(sha256(text));
-  (void)store(record.transaction_file(), bytes_of(text));  // status() tells
+  (void)store(record.transaction_file(), bytes_of(text));  // status() reports a failure
   return text;
 }
 

@@ -1,4 +1,4 @@
-// Where arrays and assets of durable edits come from, on their way into the journal and out of it.
+// Sources of arrays and assets of durable edits: recording into the journal, and recovery from it.
 // Used by service_edit.cpp and recovery.cpp.
 #pragma once
 
@@ -10,12 +10,11 @@
 #include "server/convert/transaction.h"
 #include "server/journal/blob_files.h"
 #include "server/journal/record.pb.h"
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 
 namespace heliograph::server {
 
-/// Gives what `inner` gives, and stores all of it but inline arrays as files. Thread: one at a
-/// time.
+/// Passes on arrays of `inner`, and stores all but inline ones as files. Thread: one at a time.
 class RecordingSource final : public ArraySource {
  public:
   RecordingSource(ArraySource& inner, BlobFiles& files) : inner_(inner), files_(files) {}
@@ -23,10 +22,11 @@ class RecordingSource final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
 
-  /// An error when something could not be stored: what came of the transaction is not to be used.
+  /// Returns an error when something could not be stored: the transaction read through this must
+  /// not be used then.
   [[nodiscard]] const Status& status() const { return status_; }
-  /// The transaction as it was read through this, uploads and buffers named by their hashes. A
-  /// large one is stored as a file, which the record names, and returned; "": the record holds it.
+  /// Fills in the record's transaction, with uploads and buffers named by their hashes. A large one
+  /// is stored as a file, which the record names, and returned; "": the record holds it.
   [[nodiscard]] std::string fill(const v1::Transaction& transaction, journal::Record& record);
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
 
@@ -42,20 +42,20 @@ class RecordingSource final : public ArraySource {
   std::vector<BlobFilePtr> held_;
 };
 
-/// Gives what the files hold, counted against the owner's budget like uploads, whatever its limits
-/// and the daemon's are now. It keeps none but the last models: bytes live as long as what was made
-/// of them. Thread: one.
+/// Reads arrays from files, charged to the owner's budget like uploads, regardless of its limits
+/// and the daemon's. Caches only the last models: other bytes live as long as what was made of
+/// them. Thread: one.
 class RecoveringSource final : public ArraySource {
  public:
   RecoveringSource(Tenant& owner, BlobFiles& files) : owner_(owner), files_(files) {}
 
-  /// The assets of the transaction that is read next.
+  /// Sets the assets of the transaction that is read next.
   void expect(const journal::Record& record);
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
-  /// The bytes of a file that is no array.
+  /// Returns the bytes of a file that is no array.
   [[nodiscard]] Expected<std::string> content(const std::string& hash);
-  /// The files that were asked for since the last call.
+  /// Returns the files requested since the last call.
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::exchange(held_, {}); }
 
  private:

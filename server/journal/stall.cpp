@@ -1,4 +1,4 @@
-// Writing stops after an error, and goes on. See journal.h.
+// Stops writing after an error, and resumes it. See journal.h.
 #include <algorithm>
 #include <chrono>
 #include <functional>
@@ -25,7 +25,7 @@ void Journal::stall(std::vector<Item> group, const Error& why) {
   {
     const std::lock_guard lock(mutex_);
     status_ = std::unexpected(error);
-    // A removal is tried once with what the reserve had, and alone.
+    // A removal is tried once with the room of the reserve, and alone.
     const bool had_reserve = !is_full_, was_alone = group.size() == 1;
     is_full_ = wants_room_ = why.code == Code::kResourceExhausted;
     const auto waits = [&](const Item& item) {
@@ -34,11 +34,11 @@ void Journal::stall(std::vector<Item> group, const Error& why) {
     for (Item& item : queue_.take_all()) group.push_back(std::move(item));
     const auto kept = std::stable_partition(group.begin(), group.end(), std::not_fn(waits));
     for (auto item = kept; item != group.end(); ++item)
-      queue_.push(item->entry.tenant, 0, std::move(*item));
+      queue_.push(item->record.tenant, 0, std::move(*item));
     group.erase(kept, group.end());
   }
   changed_(std::unexpected(why));
-  for (Item& item : group) item.entry.done(std::unexpected(error));
+  for (Item& item : group) item.record.done(std::unexpected(error));
 }
 
 void Journal::fail_waiting(const Error& error) {
@@ -47,10 +47,11 @@ void Journal::fail_waiting(const Error& error) {
     const std::lock_guard lock(mutex_);
     waiting = queue_.take_all();
   }
-  for (Item& item : waiting) item.entry.done(std::unexpected(error));
+  for (Item& item : waiting) item.record.done(std::unexpected(error));
 }
 
-/// At once where there is a reserve, else once a second. False: the journal ends before it works.
+/// Opens the database again, at once where there was a reserve, else once per second. False: the
+/// journal ends before that succeeds.
 bool Journal::open_again() {
   bool at_once;
   Error error;
@@ -78,8 +79,8 @@ bool Journal::open_again() {
   return true;
 }
 
-/// What the file holds after an error is not known, nor whether it is on the disk: all that it
-/// shows is moved out of the log and synced, and what was not acknowledged is taken out again.
+/// After an error it is unknown what the file contains and what is on the disk: checkpoints and
+/// syncs all that it shows, and erases what was not acknowledged.
 Status Journal::reopen() {
   if (is_full_) room_->release_reserve();
   auto opened = Database::open(path(), false);
@@ -101,7 +102,7 @@ Status Journal::reopen() {
   return {};
 }
 
-/// Edits are taken again once the reserve is there for the next time.
+/// Accepts edits again once the reserve is allocated for the next time.
 void Journal::resume() {
   {
     const std::lock_guard lock(mutex_);

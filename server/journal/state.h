@@ -1,5 +1,5 @@
-// A scene and its replies, to and from what a snapshot of the journal holds. Used by the journal
-// and its recovery.
+// A scene and its replies, as a snapshot of the journal stores them. Used by the journal and its
+// recovery.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@
 
 namespace heliograph::server {
 
-/// A session's edits of a scene: the replies that are kept.
+/// Kept replies of a session's edits of a scene.
 struct LogState {
   u64 session = 0;
   EditLog::State edits;
@@ -23,14 +23,14 @@ struct SceneState {
   journal::SceneRow row;
   std::shared_ptr<const Snapshot> head;
   std::vector<LogState> logs;
-  std::shared_ptr<SceneEvents> events = {};  // those up to the head
+  std::shared_ptr<SceneEvents> events = {};  // the events up to the head
 };
 
-/// Stores a state and its arrays; names it in its row. Returns all files that it needs.
-/// The state itself is the last one.
+/// Stores a state and its arrays and names it in its row. Returns all files that it needs, the
+/// state itself last.
 [[nodiscard]] Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files,
                                                              Room room);
-/// Fails as rebuild() does. What the state says of the scene is freed on the way.
+/// Restores a state; fails as rebuild() does. Frees the stored scene's message on the way.
 [[nodiscard]] Expected<std::shared_ptr<const Snapshot>> decode_scene(journal::State& state,
                                                                      ArraySource& source,
                                                                      const SceneLimits& limits);

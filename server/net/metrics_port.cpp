@@ -1,4 +1,4 @@
-// A few lines of HTTP/1.1 on the event loop. See metrics_port.h.
+// Minimal HTTP/1.1 on the event loop. See metrics_port.h.
 #include "server/net/metrics_port.h"
 
 #include <netdb.h>
@@ -27,7 +27,7 @@ std::string http(std::string_view status, std::string_view body) {
 
 using Address = std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)>;
 
-/// Null when it is not a numeric address and a port.
+/// Parses a numeric address and port; null for anything else.
 Address parse(const std::string& address) {
   const auto colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0) return {nullptr, ::freeaddrinfo};
@@ -81,8 +81,8 @@ MetricsPort::~MetricsPort() {
   for (const auto& [fd, connection] : open_) loop_.forget(fd);
 }
 
-/// Closes the oldest that asked nothing yet, of the same address where that has its share; false
-/// when all of these are being answered.
+/// Closes the oldest connection without a complete request, of the same address where that has used
+/// up its share. False when all of these are being answered.
 bool MetricsPort::make_room(const std::string& peer) {
   const auto is_same = [&](const auto& entry) { return entry.second.peer == peer; };
   const bool is_share_full = u32(std::ranges::count_if(open_, is_same)) >= limits_.per_peer;

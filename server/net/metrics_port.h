@@ -1,4 +1,4 @@
-// The port that Prometheus reads: HTTP, GET /metrics and nothing else. Called by lifecycle.cpp.
+// The metrics port, for Prometheus: HTTP, GET /metrics and nothing else. Called by lifecycle.cpp.
 #pragma once
 
 #include <functional>
@@ -12,12 +12,12 @@ namespace heliograph::server {
 
 /// Binds a numeric address "ADDRESS:PORT" or "[ADDRESS]:PORT"; port 0 takes a free one.
 [[nodiscard]] Expected<ListeningSocket> listen_for_metrics(const std::string& address);
-/// Whether only this machine can reach it.
+/// Returns true when a listener is reachable from this machine alone.
 [[nodiscard]] bool is_loopback(int fd);
 
-/// Answers one request a connection, on the event loop: no thread, at most some connections at a
-/// time and of one address, each for some seconds and with a short request. One too many takes the
-/// place of the oldest that asked nothing. Owns: its sockets. Thread: the loop's.
+/// Answers one request per connection, on the event loop. The number of connections, in total and
+/// per address, their duration and the request's length are limited. A connection beyond the limit
+/// replaces the oldest one that has sent no request. Owns: its sockets. Thread: the loop's.
 class MetricsPort {
  public:
   using Page = std::function<std::string()>;
@@ -32,7 +32,7 @@ class MetricsPort {
     Limits limits;
   };
 
-  /// `page` is called for each scrape.
+  /// page   makes the reply; called for each scrape
   [[nodiscard]] static Expected<std::unique_ptr<MetricsPort>> start(Options options, Page page);
   ~MetricsPort();
 
@@ -42,7 +42,7 @@ class MetricsPort {
     std::string peer;
     u64 number;
     std::string request;
-    std::string reply;  // what is left of it
+    std::string reply;  // rest of the reply to write
   };
   MetricsPort(EventLoop& loop, Limits limits, Page page)
       : loop_(loop), limits_(limits), page_(std::move(page)) {}

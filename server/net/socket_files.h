@@ -1,4 +1,4 @@
-// The sockets in the file system, removed when the daemon ends. Used by lifecycle.cpp.
+// Socket files, removed when the daemon ends. Used by lifecycle.cpp.
 #pragma once
 
 #include <sys/types.h>
@@ -8,7 +8,7 @@
 
 namespace heliograph::server {
 
-/// Removes what add() named, unless another daemon put its own there meanwhile.
+/// Removes the files that add() named, unless another daemon has replaced them meanwhile.
 class SocketFiles {
  public:
   SocketFiles() = default;
@@ -17,7 +17,7 @@ class SocketFiles {
   ~SocketFiles();
 
   void add(const std::string& path);
-  /// The folder goes too, when it is empty then.
+  /// Also removes this folder, if it is empty by then.
   void remove_folder(const std::string& path) { folder_ = path; }
 
  private:

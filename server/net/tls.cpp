@@ -18,7 +18,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr unsigned kReadSeconds = 1;  // the least that gRPC takes
+constexpr unsigned kReadSeconds = 1;  // gRPC's minimum
 constexpr const char* kCertFlag = "--tls-cert";
 constexpr const char* kKeyFlag = "--tls-key";
 constexpr const char* kCaFlag = "--tls-client-ca";
@@ -38,7 +38,7 @@ X509Ptr certificate_of(const std::string& pem) {
 Status check_pair(const std::string& cert, const std::string& key) {
   const X509Ptr first = certificate_of(cert);
   if (!first) return fail(Code::kInvalidArgument, kCertFlag, "holds no certificate in PEM");
-  std::string no_password;  // an encrypted key is refused; nobody is asked
+  std::string no_password;  // makes an encrypted key fail instead of prompting
   const KeyPtr own(PEM_read_bio_PrivateKey(bio_of(key).get(), nullptr, nullptr, no_password.data()),
                    &EVP_PKEY_free);
   if (!own)
@@ -50,7 +50,7 @@ Status check_pair(const std::string& cert, const std::string& key) {
 
 std::string path_of(const UniqueFd& fd) { return fmt::format("/proc/self/fd/{}", fd.get()); }
 
-/// Makes the path of `slot` name this text from now on, at once.
+/// Replaces the text that the path of `slot` names, atomically.
 Status put(UniqueFd& slot, const std::string& text) {
   UniqueFd made(::memfd_create("tls", MFD_CLOEXEC));
   if (!made || ::write(made.get(), text.data(), text.size()) != ssize_t(text.size()))
@@ -63,7 +63,7 @@ Status put(UniqueFd& slot, const std::string& text) {
   return {};
 }
 
-/// Lets in whose certificate names a tenant.
+/// Accepts clients whose certificate names a tenant.
 class TenantVerifier final : public grpc::experimental::ExternalCertificateVerifier {
  public:
   explicit TenantVerifier(const Tenants& tenants) : tenants_(tenants) {}

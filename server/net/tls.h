@@ -1,4 +1,4 @@
-// TLS of the TCP listeners: the daemon's certificate and key, and who signs clients' certificates.
+// TLS of the TCP listeners: the daemon's certificate and key, and the CA of clients' certificates.
 // Made by lifecycle.cpp, used by grpc_server.cpp.
 #pragma once
 
@@ -13,17 +13,18 @@
 
 namespace heliograph::server {
 
-/// Owns: copies of the files in memory, which gRPC reads again each second, so that a handshake
-/// never meets a certificate with another's key. Thread: the loop's.
+/// Owns: copies of the files in memory, which gRPC reads again every second, so that a handshake
+/// never combines a certificate with another one's key. Thread: the loop's.
 class Tls {
  public:
-  /// INVALID_ARGUMENT (no PEM, a key of another certificate), PERMISSION_DENIED (files of others).
+  /// Loads the files of --tls-*. INVALID_ARGUMENT (no PEM, a key of another certificate),
+  /// PERMISSION_DENIED (owned or writable by other users).
   [[nodiscard]] static Expected<std::unique_ptr<Tls>> load(const Config& config);
 
-  /// Takes the files as they are now; when that fails, what was there stays.
+  /// Loads the files again; on failure the former ones stay in use.
   [[nodiscard]] Status reload();
-  /// At least TLS 1.2. With --tls-client-ca a handshake needs a certificate that names one of
-  /// `tenants`, which outlives them.
+  /// Returns credentials for TLS 1.2 and later. With --tls-client-ca a handshake needs a
+  /// certificate that names one of `tenants`, which outlives them.
   [[nodiscard]] std::shared_ptr<grpc::ServerCredentials> credentials(const Tenants& tenants) const;
 
  private:

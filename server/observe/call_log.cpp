@@ -16,7 +16,7 @@ LogField milliseconds(std::string_view name, double seconds) {
   return {name, fmt::format("{:.3f}", 1000 * std::max(seconds, 0.0))};
 }
 
-/// What it is, and whose.
+/// Returns the fields that identify a call and its caller.
 std::vector<LogField> fields_of(const CallFacts& facts) {
   std::vector<LogField> fields{{"request", facts.request}, {"method", facts.method}};
   const auto add = [&](std::string_view name, std::string_view value) {
@@ -34,8 +34,8 @@ std::vector<LogField> fields_of(const CallFacts& facts) {
   return fields;
 }
 
-/// Where the time went of a call that had jobs: before them, waiting, derived data, on the device,
-/// while others' jobs had it, after them.
+/// Adds the time that a call with jobs spent: before them, waiting, on derived data, on the device,
+/// while other jobs had it, after them.
 void add_times(std::vector<LogField>& fields, const CallFacts& facts, CallClock::time_point now) {
   const CallJobs& jobs = facts.jobs;
   if (jobs.count == 0) return;

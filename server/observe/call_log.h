@@ -1,4 +1,4 @@
-// What every call leaves behind, whatever its service: a request id, a line in the log, metrics.
+// Log line, metrics and request id of every call, of any service.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>
@@ -11,35 +11,34 @@
 
 namespace heliograph::server {
 
-/// A name for a call that came without one. Unique in this process; another process counts from
-/// another start.
+/// Returns a request id, unique in this process; other processes start from another number.
 [[nodiscard]] std::string new_request_id();
 
-/// How a call ended.
+/// Outcome of a call.
 struct CallOutcome {
-  int code = 0;            // gRPC's
-  std::string reason{};    // of an error, also where the client is not told it
-  bool is_hidden = false;  // it is not
+  int code = 0;            // gRPC status code
+  std::string reason{};    // of an error, including one hidden from the client
+  bool is_hidden = false;  // the client gets a general message instead
 };
 
-/// Writes the line of each call: one that ended well, or was cancelled, at level debug; one that
-/// was refused at info; a slow one at warning, with where its time went; an error of the daemon's
-/// own at error, with what the client is not told. Thread: any. The log and the metrics outlive it.
+/// Writes a line per call: successful and cancelled ones at level debug, refused ones at info, slow
+/// ones at warning with their times, internal errors at error with the reason hidden from the
+/// client. Thread: any. The log and the metrics outlive it.
 class CallLog {
  public:
   struct Options {
-    double slow_seconds = 0;         // of Pace::kShort
-    double slow_render_seconds = 0;  // of Pace::kRender, and of a job of a longer call
-    /// The name of a scene that a session sees; "": it has none. Asked when a line is written.
+    double slow_seconds = 0;         // for Pace::kShort
+    double slow_render_seconds = 0;  // for Pace::kRender, and for each job of a Pace::kClient call
+    /// Returns the name of a scene that a session sees; "": it has none. Called when a line is
+    /// written.
     std::function<std::string(u64 scene, u64 session)> scene_name;
   };
   CallLog(const Log& log, Metrics& metrics, Options options)
       : log_(log), metrics_(metrics), options_(std::move(options)) {}
 
-  /// A call ended.
+  /// Logs the end of a call.
   void end(CallFacts facts, const CallOutcome& outcome) const;
-  /// A job ended, `seconds` after it was queued. Told of those alone that are slow and whose calls
-  /// are not judged.
+  /// Logs a slow job of a Pace::kClient call, done `seconds` after it was queued.
   void end_job(const CallRecord& call, double seconds, const Spent& spent) const;
 
  private:
@@ -50,7 +49,7 @@ class CallLog {
   const Options options_;
 };
 
-/// gRPC asks it at the start of each call, which has a RecordedContext. Thread: any. The log
+/// Creates an interceptor for each call, whose context is a RecordedContext. Thread: any. The log
 /// outlives the server.
 class ObserveCalls final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:

@@ -1,4 +1,4 @@
-// The calls of the contract, as their log sees them.
+// The calls of the contract, as the call log sees them.
 #pragma once
 
 #include <string_view>
@@ -7,7 +7,7 @@
 
 namespace heliograph::server {
 
-/// What a request says, but for its metadata.
+/// Facts of a request, without its metadata.
 struct Asked {
   u64 bytes = 0;
   u64 scene = 0;  // 0: none
@@ -17,10 +17,10 @@ struct CallMethod {
   std::string_view name;
   Pace pace;
   Asked (*asked)(const void* request);
-  bool gives_scene;  // its reply is a v1::SceneInfo
+  bool gives_scene;  // the reply is a v1::SceneInfo
 };
 
-/// By the path that gRPC calls it by; null: it is none of Renderer's.
+/// Finds a call by its gRPC path; null: none of Renderer's.
 [[nodiscard]] const CallMethod* find_call_method(std::string_view path);
 
 }  // namespace heliograph::server

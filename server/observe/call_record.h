@@ -1,5 +1,5 @@
-// What is known of a call while it runs, for its line in the log: put together by the call log, the
-// gate's callers and the render tasks.
+// Facts of a running call for its line in the log, gathered by the call log, the gate's callers and
+// the render tasks.
 #pragma once
 
 #include <grpcpp/generic/async_generic_service.h>
@@ -19,33 +19,33 @@ namespace heliograph::server {
 
 using CallClock = std::chrono::steady_clock;
 
-/// Who sets the pace of a call, and so which limit says that it is slow.
+/// What bounds a call's duration, and so the limit beyond which it is slow.
 enum class Pace {
   kShort,   // slow_call_seconds
   kRender,  // slow_render_seconds: it waits for the device, or for a decoder
-  kClient,  // none: it lasts as long as its client wants, or moves the client's bytes
+  kClient,  // no limit: it lasts as long as its client wants, or moves the client's bytes
 };
 
-/// The jobs of a call, one after the other or at once.
+/// Sums over the jobs of a call, consecutive or concurrent.
 struct CallJobs {
   u32 count = 0;
-  CallClock::time_point first, last;  // when one was queued, and when one was done
-  double waited_seconds = 0;          // of all: until a device had them
-  double aside_seconds = 0;           // derived data, and planes made of others
+  CallClock::time_point first, last;  // the first one queued, the last one done
+  double waited_seconds = 0;          // from queued until on a device
+  double aside_seconds = 0;           // derived data, and planes computed from others
   double device_seconds = 0;
 };
 
-/// The method of a call that none of the services has: what its caller names it ends before the
-/// call does, and would be a series of the metrics for each name.
+/// Method of an unknown call. Its caller's name for it ends before the call does, and would make a
+/// metrics series per name.
 constexpr std::string_view kUnknownMethod = "/unknown";
 
 struct CallFacts {
   std::string_view method;  // "/heliograph.v1.Renderer/Apply", kUnknownMethod; outlives the call
   CallClock::time_point start;
-  std::string request;  // its id
+  std::string request;  // request id
   Trace trace;
   std::string peer;    // as gRPC names it
-  std::string tenant;  // "": it was not let in
+  std::string tenant;  // "": not admitted
   std::string client;  // the name that the session's client gave itself
   u64 session = 0;     // 0: none
   u64 scene = 0;       // 0: none
@@ -55,7 +55,7 @@ struct CallFacts {
   CallJobs jobs;
 };
 
-/// Thread: any.
+/// The record of a call. Thread: any.
 class CallRecord {
  public:
   [[nodiscard]] CallFacts facts() const {
@@ -66,19 +66,19 @@ class CallRecord {
     const std::lock_guard lock(mutex_);
     return facts_.trace;
   }
-  /// Changes the facts.
+  /// Changes the facts under the lock.
   template <class Change>
   void note(const Change& change) {
     const std::lock_guard lock(mutex_);
     change(facts_);
   }
-  /// A job is queued.
+  /// Records that a job was queued.
   void begin_job() {
     const std::lock_guard lock(mutex_);
     const auto now = CallClock::now();
     if (facts_.jobs.count++ == 0) facts_.jobs.first = facts_.jobs.last = now;
   }
-  /// It is done.
+  /// Records that a job is done.
   void end_job(const Spent& spent) {
     const std::lock_guard lock(mutex_);
     CallJobs& jobs = facts_.jobs;
@@ -94,14 +94,14 @@ class CallRecord {
 };
 using CallRecordPtr = std::shared_ptr<CallRecord>;
 
-/// A call's context with its record, which is written to the log after the context is gone.
+/// A call's context with its record, which is written to the log after the context is freed.
 class RecordedContext final : public grpc::CallbackServerContext {
  public:
   const CallRecordPtr record = std::make_shared<CallRecord>();
 };
 
-/// gRPC makes every context of a call here. One of a method that is not known has no record, but is
-/// made here too: what gRPC 1.51 makes beside an allocator it ends twice.
+/// Allocates the contexts of calls for gRPC. Unknown methods have no record, but are allocated here
+/// too: gRPC 1.51 frees a context twice that it allocates beside an allocator.
 class RecordedContexts final : public grpc::ContextAllocator {
  public:
   grpc::CallbackServerContext* NewCallbackServerContext() override { return new RecordedContext; }
@@ -112,7 +112,7 @@ class RecordedContexts final : public grpc::ContextAllocator {
   void Release(grpc::GenericCallbackServerContext* context) override { delete context; }
 };
 
-/// That of a call, made by RecordedContexts.
+/// Returns the record of a call whose context RecordedContexts made.
 [[nodiscard]] inline const CallRecordPtr& record_of(const grpc::CallbackServerContext& context) {
   return static_cast<const RecordedContext&>(context).record;
 }

@@ -38,7 +38,7 @@ constexpr std::array<std::string_view, 17> kCodes = {
     "UNAUTHENTICATED",
 };
 
-/// Seconds: 10 us, less than an edit takes, to 5 min.
+/// Bucket bounds in seconds: 10 us, less than an edit takes, to 5 min.
 const Histogram::BucketBoundaries kSeconds = {1e-5, 3e-5, 1e-4, 3e-4, 0.001, 0.003, 0.01, 0.03,
                                               0.1,  0.3,  1,    3,    10,    30,    100,  300};
 
@@ -51,7 +51,7 @@ Family<Histogram>& histogram(Registry& registry, const std::string& name, const 
 
 int code_of(const Status& status) { return status ? 0 : int(status.error().code); }
 
-/// Of kCodes; what is no code of gRPC's counts as UNKNOWN.
+/// Returns the index in kCodes; codes that gRPC does not define count as UNKNOWN.
 std::size_t code_index(int code) {
   return code >= 0 && std::size_t(code) < kCodes.size() ? std::size_t(code) : 2;
 }
@@ -75,8 +75,8 @@ prometheus::ClientMetric metric_of(const MetricValue& value) {
   return metric;
 }
 
-/// Of one method or one tenant: found once, then kept, because the library's look-up by labels
-/// takes longer than counting.
+/// Metrics of one method or tenant, cached because the library's lookup by labels takes longer than
+/// counting.
 struct CallMetrics {
   std::array<Counter*, kCodes.size()> ended;
   Histogram* seconds;
@@ -90,7 +90,8 @@ struct JobMetrics {
 template <class T>
 using ByName = std::map<std::string, T, std::less<>>;
 
-/// The counters of a family for each status code, with `labels`. A code that never came is 0.
+/// Makes a family's counters for every status code, with `labels`, so that codes that never
+/// occurred export 0.
 std::array<Counter*, kCodes.size()> by_code(Family<Counter>& family, prometheus::Labels labels) {
   std::array<Counter*, kCodes.size()> counters;
   for (std::size_t code = 0; code < kCodes.size(); ++code) {

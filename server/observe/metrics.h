@@ -1,5 +1,5 @@
-// What the daemon counts, for Prometheus. Told by the call log, the render tasks, decoding and the
-// accept loop; read by the metrics' port.
+// Metrics for Prometheus. Updated by the call log, the render tasks, decoding and the accept loop;
+// read by the metrics port.
 #pragma once
 
 #include <map>
@@ -12,7 +12,7 @@
 
 namespace heliograph::server {
 
-/// A value of this moment, made when somebody reads.
+/// A gauge, computed at each scrape.
 struct MetricValue {
   std::string name;
   std::string help;
@@ -21,8 +21,8 @@ struct MetricValue {
   bool is_counter = false;
 };
 
-/// Owns: the counters. Thread: any; an observation takes a microsecond at most, and none is made in
-/// the pixel loop. Label values are bounded: methods of the protocol, status codes, tenants.
+/// Owns: the counters. Thread: any; an observation takes at most 1 us, and none is made in the
+/// pixel loop. Label values are bounded: methods of the protocol, status codes, tenants.
 class Metrics {
  public:
   Metrics();
@@ -30,7 +30,7 @@ class Metrics {
 
   struct CallEnd {
     std::string_view method;  // "/heliograph.v1.Renderer/Apply"
-    int code = 0;             // gRPC's
+    int code = 0;             // gRPC status code
     double seconds = 0;
     u64 received_bytes = 0, sent_bytes = 0;
   };
@@ -40,7 +40,7 @@ class Metrics {
   void connection_refused();
   void identity_refused();
 
-  /// All of it and `values`, in Prometheus' text format.
+  /// Returns the counters and `values` in Prometheus' text format.
   [[nodiscard]] std::string text(const std::vector<MetricValue>& values) const;
 
  private:
@@ -48,7 +48,7 @@ class Metrics {
   std::unique_ptr<Families> families_;
 };
 
-/// The name of a status code, as gRPC spells it: "RESOURCE_EXHAUSTED".
+/// Returns the name of a status code as gRPC spells it, such as "RESOURCE_EXHAUSTED".
 [[nodiscard]] std::string_view code_name(int code);
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// Hashes of what a recording does not keep. See note.h.
+// Hashes in place of data that a recording does not keep. See note.h.
 #include "server/observe/note.h"
 
 #include <sys/stat.h>
@@ -25,7 +25,7 @@ std::string hash_of(const Frame& frame) {
   return digest.finish();
 }
 
-/// Puts the SHA-256 of each long field of bytes in its place.
+/// Replaces each long bytes field by its SHA-256.
 void shorten(Message& message) {
   const auto& reflection = *message.GetReflection();
   std::vector<const FieldDescriptor*> fields;

@@ -1,4 +1,4 @@
-// Note: an item of a recording, and the data that its hashes are of.
+// An item of a recording, with the data that its hashes refer to.
 #pragma once
 
 #include <memory>
@@ -10,21 +10,21 @@
 
 namespace heliograph::server {
 
-constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; what is shorter may stand there twice
+constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; shorter data may be stored twice
 
 struct Note {
   v1::RecordItem item;
-  std::string bulk = {};                         // of a request or reply; stored by its hash
-  std::shared_ptr<const Frame> frame = nullptr;  // of a frame; hashed
-  std::unique_ptr<google::protobuf::Message> answer = nullptr;  // to a question; hashed
-  UniqueFd memory = {};                                         // of a buffer; its bytes are stored
+  std::string bulk = {};  // bulk of a request or reply; stored once by its hash
+  std::shared_ptr<const Frame> frame = nullptr;                 // a frame; only hashed
+  std::unique_ptr<google::protobuf::Message> answer = nullptr;  // answer to a query; only hashed
+  UniqueFd memory = {};  // memory of a buffer; its bytes are stored
 };
 
-/// Bytes that it holds in memory.
+/// Returns the bytes that a note holds in memory.
 u64 bytes_of(const Note& note);
 
-/// Puts the hashes of its frame or answer in their place, as recording.proto says. Most of a note's
-/// cost: 60 ms for 12 MB on a CPU without instructions for it.
+/// Fills in the hashes of its frame or answer, as recording.proto says. The main cost of a note: 60
+/// ms for 12 MB on a CPU without SHA instructions.
 void hash(Note& note);
 
 }  // namespace heliograph::server

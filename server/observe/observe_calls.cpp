@@ -1,4 +1,4 @@
-// The interceptor of call_log.h: what passes between a call's client and its handler.
+// Interceptor of call_log.h, between a call's client and its handler.
 #include <grpcpp/server_context.h>
 
 #include <algorithm>
@@ -33,7 +33,8 @@ std::string id_of(const Metadata& metadata) {
   return is_good ? id : new_request_id();
 }
 
-/// Two traceparents name no trace; lines of tracestate are one list.
+/// Returns the call's trace. More than one traceparent makes none; lines of tracestate are joined
+/// to one list.
 Trace trace_of(const Metadata& metadata) {
   const auto [parent, end] = metadata.equal_range("traceparent");
   if (parent == end || std::next(parent) != end) return {};
@@ -57,7 +58,7 @@ class Observer final : public grpc::experimental::Interceptor {
       if (method_ != nullptr) facts.pace = method_->pace;
     });
   }
-  /// Of a method that no service has.
+  /// Observes a call of an unknown method.
   Observer(const CallLog& log, const ServerRpcInfo& info)
       : log_(log), method_(nullptr), record_(std::make_shared<CallRecord>()) {
     record_->note([](CallFacts& facts) {
@@ -128,10 +129,11 @@ class Observer final : public grpc::experimental::Interceptor {
   }
 
   const CallLog& log_;
-  const CallMethod* const method_;  // null: of another service
+  const CallMethod* const method_;  // null: a method of another service
   const CallRecordPtr record_;
   std::string id_;
-  CallOutcome outcome_{.code = grpc::CANCELLED};  // when it ends without a status of ours
+  CallOutcome outcome_{.code =
+                           grpc::CANCELLED};  // kept when the call ends without a status of ours
 };
 
 }  // namespace

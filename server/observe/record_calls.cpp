@@ -19,7 +19,7 @@ using grpc::experimental::ServerRpcInfo;
 
 // ---------------------------------------------------------------- requests
 
-/// Where a message carries bytes in bulk; null: nowhere.
+/// Returns the bulk bytes field of a message; null: it has none.
 template <class Message>
 std::string* chunk_of(Message&) {
   return nullptr;
@@ -55,7 +55,8 @@ void take_frame(const v1::FrameHeader& header, FramePtr frame, Note& note) {
   note.frame = std::move(frame);
 }
 
-/// Fills a note with a reply, `frame` being the one that it begins; false: it is not recorded.
+/// Fills a note with a reply; `frame` is the frame that it begins. False: the reply is not
+/// recorded.
 template <class Message>
 bool take_reply(const Message& message, const FramePtr&, Note& note) {
   message.SerializeToString(note.item.mutable_reply()->mutable_message());
@@ -112,7 +113,8 @@ constexpr Method question(std::string_view name) {
   return {name, take_request<Request>, take_answer<Reply>};
 }
 
-/// Those that change scenes, or what edits refer to, or ask for frames, or for what there is.
+/// Recorded methods: those that change scenes or objects that edits refer to, or ask for frames or
+/// for information.
 constexpr std::array kMethods = {
     method<v1::CreateSceneRequest, v1::SceneInfo>("CreateScene"),
     method<v1::OpenSceneRequest, v1::SceneInfo>("OpenScene"),
@@ -170,8 +172,8 @@ class Tap final : public grpc::experimental::Interceptor {
   }
 
  private:
-  /// Only a call of an open session is recorded: others change nothing, and cost a stranger
-  /// nothing.
+  /// Begins to record a call of an open session; others change nothing, and a stranger's calls must
+  /// cost nothing.
   void begin(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata) {
     const auto found = metadata.find("heliograph-session");
     if (found == metadata.end()) return;
@@ -221,7 +223,7 @@ class Tap final : public grpc::experimental::Interceptor {
   Recorder& recorder_;
   const Method& method_;
   const grpc::ServerContextBase* const context_;
-  u64 call_ = 0;  // 0: it is not recorded
+  u64 call_ = 0;  // 0: not recorded
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The calls of a recording: what came, what went, in the order in which gRPC passes it.
+// Records calls: their messages, in the order in which gRPC passes them.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>
@@ -7,8 +7,8 @@
 
 namespace heliograph::server {
 
-/// gRPC asks it at the start of each call. Must come before other interceptors that look at
-/// messages. Thread: any. The recorder outlives the server.
+/// Creates an interceptor for each call. Must come before other interceptors that read messages.
+/// Thread: any. The recorder outlives the server.
 class RecordCalls final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
   explicit RecordCalls(Recorder& recorder) : recorder_(recorder) {}

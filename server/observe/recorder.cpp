@@ -1,4 +1,4 @@
-// The file and its writer. See recorder.h.
+// The file and its writing thread. See recorder.h.
 #include "server/observe/recorder.h"
 
 #include <fcntl.h>
@@ -18,22 +18,22 @@ namespace {
 using google::protobuf::io::CodedOutputStream;
 
 constexpr auto kPause = std::chrono::milliseconds(50);
-constexpr u64 kWakeBytes = 4 << 20;      // then it does not pause
-constexpr u64 kMuchWaiting = 64 << 20;   // bytes; then calls hash
-constexpr u64 kMostWaiting = 256 << 20;  // bytes
-constexpr u64 kLastBytes = 512;          // kept for the end
+constexpr u64 kWakeBytes = 4 << 20;      // from here on the writer does not pause
+constexpr u64 kMuchWaiting = 64 << 20;   // bytes; from here on calls hash in their own threads
+constexpr u64 kMostWaiting = 256 << 20;  // bytes; beyond it the recording ends
+constexpr u64 kLastBytes = 512;          // reserved for the closing item
 constexpr std::size_t kPiece = 1 << 20;
 constexpr const char* kLate = "the disk is too slow";
 constexpr const char* kSuffix = ".recording";
 
 namespace fs = std::filesystem;
 
-/// Where the recordings of one setting are, one a run.
+/// Location of the recordings of one --record, one file per run.
 struct Place {
   fs::path folder;
-  std::string name;  // that they begin with
+  std::string name;  // prefix of their names
   std::string suffix;
-  bool is_folder = false;  // it was named as one
+  bool is_folder = false;  // --record names a folder
 };
 
 Place place_of(const fs::path& path) {
@@ -264,7 +264,7 @@ void Recorder::put(const v1::RecordItem& item) {
   room_ -= needed;
   std::array<u8, 10> length{};
   out_.append(length.data(), CodedOutputStream::WriteVarint64ToArray(size, length.data()));
-  item.AppendToString(&out_);  // a StringOutputStream would clear all of the string's room
+  item.AppendToString(&out_);  // a StringOutputStream would zero the string's whole capacity
 }
 
 void Recorder::flush() {

@@ -27,7 +27,7 @@ namespace {
 constexpr int kBacklog = 128;
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr int kAcceptsPerRound = 64;
-constexpr u64 kRefused = ~u64(0) - 1;  // sender of what other users sent
+constexpr u64 kRefused = ~u64(0) - 1;  // sender of descriptors from refused users
 
 std::unexpected<Error> system_error(const std::string& what) {
   return fail(Code::kUnavailable, "", what + ": " + std::strerror(errno));
@@ -41,7 +41,7 @@ Status give_to_group(const std::string& path, gid_t group, mode_t mode) {
                   group, std::strerror(errno)));
 }
 
-/// Opens the folder of a socket; makes it, private or for the group, when it is not there.
+/// Opens the folder of a socket; creates it, private or for the group, when it does not exist.
 Expected<UniqueFd> open_folder(const std::filesystem::path& folder, std::optional<gid_t> group) {
   if (::mkdir(folder.c_str(), 0700) == 0) {
     if (group) HELIO_TRY(give_to_group(folder.string(), *group, 0750));
@@ -51,7 +51,7 @@ Expected<UniqueFd> open_folder(const std::filesystem::path& folder, std::optiona
   return open_own_folder(folder.string(), Others::kMayRead, "--socket");
 }
 
-/// Whether the other end of a Unix socket is in the group, as its first group or a further one.
+/// Returns true when the peer of a Unix socket is in the group, primary or supplementary.
 bool is_member(int connection, gid_t first, gid_t group) {
   if (first == group) return true;
   std::vector<gid_t> groups(64);
@@ -66,15 +66,18 @@ bool is_member(int connection, gid_t first, gid_t group) {
   return std::ranges::find(groups, group) != groups.end();
 }
 
-/// gRPC takes none, and the kernel would close them in its threads. Its connections inherit this.
+/// Makes the kernel refuse descriptors: gRPC uses none, and the kernel would close them in gRPC's
+/// threads. Accepted connections inherit this.
 void refuse_descriptors(int fd) {
-  constexpr int kPassRights = 83;  // SO_PASSRIGHTS of Linux 6.16; ones before refuse the option
+  constexpr int kPassRights =
+      83;  // SO_PASSRIGHTS, since Linux 6.16; older kernels refuse the option
   const int no = 0;
   ::setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof no);
 }
 
-/// Ends a Unix connection; whether closing it waits for nobody: nothing that came over it is left
-/// in its queue. A packet without bytes looks like the end, but for the credentials beside it.
+/// Shuts a Unix connection down and drains it. Returns true when close() cannot block: no
+/// descriptor is left in its queue. A packet without bytes looks like the end, but for the
+/// credentials beside it.
 bool is_clean(int fd) {
   const int yes = 1;
   int type = 0;
@@ -95,10 +98,11 @@ bool answers(const sockaddr_un& address, int type) {
   const UniqueFd probe(::socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (::connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
     return true;
-  return errno == EAGAIN || errno == EINPROGRESS;  // a full backlog: somebody listens
+  return errno == EAGAIN || errno == EINPROGRESS;  // a full backlog: a daemon listens
 }
 
-/// Of IPv6 the /64, which one host may have whole; of an IPv4 address in IPv6 that address.
+/// Returns the peer's network: the /64 of an IPv6 address, which one host may own; an IPv4 address
+/// in IPv6 as that address.
 std::string network_of(int connection) {
   sockaddr_storage storage{};
   socklen_t size = sizeof storage;
@@ -175,7 +179,8 @@ Expected<ListeningSocket> listen_unix(const std::string& path, int type,
   path.copy(address.sun_path, sizeof address.sun_path - 1);
   auto folder = open_folder(std::filesystem::absolute(path).parent_path(), group);
   if (!folder) return std::unexpected(folder.error());
-  ::flock(folder->get(), LOCK_EX);  // until the folder is closed: one daemon at a time decides
+  ::flock(folder->get(),
+          LOCK_EX);  // until the folder is closed: daemons that start decide one at a time
   if (answers(address, type))
     return fail(Code::kAlreadyExists, "--socket",
                 "a daemon already listens on " + path + "; stop it or choose another --socket");
@@ -277,7 +282,7 @@ void Listener::accept_some() {
     const auto peer = admit(accepted.get());
     const u64 sender = peer ? peer->sender() : kRefused;
     const bool is_full = is_unix_ && loop_.closer().is_full(sender);
-    if (is_full && is_clean(accepted.get())) continue;  // else it waits with the others
+    if (is_full && is_clean(accepted.get())) continue;  // otherwise the closer takes it
     ForeignFd connection(loop_.closer(), std::move(accepted), sender);
     if (peer && !is_full) take_(std::move(connection), *peer);
   }
@@ -288,7 +293,7 @@ std::optional<Peer> Listener::admit(int connection) const {
     const int one = 1;
     ::setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
     Peer peer{.network = network_of(connection)};
-    if (peer.network.empty()) return std::nullopt;  // it has hung up
+    if (peer.network.empty()) return std::nullopt;  // the peer has hung up
     return peer;
   }
   ucred credentials{};

@@ -1,5 +1,6 @@
-// Sockets that wait for clients: bound by us, private by mode and peer check, never starved of
-// descriptors. Used for gRPC's connections (accept.cpp hands them over) and for the local channel.
+// Listening sockets: bound by the daemon, private by file mode and peer credentials, never starved
+// of descriptors. Used for gRPC's connections (accept.cpp hands them over) and for the local
+// channel.
 #pragma once
 
 #include <sys/types.h>
@@ -17,8 +18,8 @@
 
 namespace heliograph::server {
 
-/// A listening socket. Over a Unix socket our own user may connect, and `group`'s members if there
-/// is a group.
+/// A listening socket. A Unix socket admits the daemon's user, and members of `group` if there is
+/// one.
 struct ListeningSocket {
   UniqueFd fd;
   std::optional<gid_t> group = std::nullopt;
@@ -34,30 +35,34 @@ struct ListeningSocket {
 [[nodiscard]] Expected<ListeningSocket> listen_unix(const std::string& path, int type,
                                                     std::optional<gid_t> group);
 
-/// The number of a group that is named by name or number. INVALID_ARGUMENT when there is none.
+/// Returns the id of a group given by name or number. INVALID_ARGUMENT when there is none.
 [[nodiscard]] Expected<gid_t> find_group(const std::string& group);
 
 /// Listens on a numerical address "127.0.0.1:PORT" or "[::1]:PORT"; port 0 takes a free one.
 [[nodiscard]] Expected<ListeningSocket> listen_tcp(const std::string& address);
-/// Whether only this machine reaches such an address. INVALID_ARGUMENT when it is none.
+/// Returns true when an address is reachable from this machine alone. INVALID_ARGUMENT for no
+/// address.
 [[nodiscard]] Expected<bool> is_loopback(const std::string& address);
-/// The address a TCP listener is bound to, as "127.0.0.1:PORT".
+/// Returns the address that a TCP listener is bound to, as "127.0.0.1:PORT".
 [[nodiscard]] std::string local_address(int fd);
 
-/// Who is at the other end of a connection.
+/// The other end of a connection.
 struct Peer {
   pid_t process = 0;    // over the Unix socket; 0: of another PID namespace
   std::string network;  // over TCP: the IPv4 address, or the IPv6 /64; "": Unix
   [[nodiscard]] bool is_local() const { return network.empty(); }
-  /// Whose its descriptors are (closer.h). Nothing comes over TCP that hangs: all are one sender.
+  /// Returns the sender of its descriptors (closer.h). Nothing over TCP makes close() hang, so all
+  /// TCP peers are one sender.
   [[nodiscard]] u64 sender() const { return is_local() ? u64(process) : ~u64(0); }
   friend std::strong_ordering operator<=>(const Peer&, const Peer&) = default;
 };
 
-/// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
-/// loop's. Unix peers who may not connect are closed, and so are those of whose descriptors as many
-/// wait to be closed as may; out of descriptors, or while that many of all peers wait, it pauses,
-/// not spins.
+/// Accepts connections of one listening socket and passes them on. Owns: the listener. Thread: the
+/// loop's.
+///
+/// Closes Unix peers without permission, and peers whose quota of descriptors waiting to be closed
+/// is used up. Out of descriptors, or while the quota of all peers is used up, it pauses instead of
+/// spinning.
 class Listener {
  public:
   using Take = std::function<void(ForeignFd connection, const Peer& peer)>;
@@ -78,14 +83,16 @@ class Listener {
   ListeningSocket socket_;
   Take take_;
   bool is_unix_ = false;
-  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // timers check it
+  std::shared_ptr<int> alive_ =
+      std::make_shared<int>(0);  // expires with this object; timers check it
 };
 
-/// Counts connections that somebody else (gRPC) owns. Owns: a duplicate of each, which reports the
-/// hang-up. Thread: the loop's.
+/// Counts connections that gRPC owns. Owns: a duplicate of each, which reports the hang-up. Thread:
+/// the loop's.
 ///
-/// A quarter of `total` is kept for the Unix socket: who may not even have a token cannot shut out
-/// the daemon's owner. Processes that the kernel does not name have no limit of their own.
+/// A quarter of `total` is reserved for the Unix socket: TCP peers, which may not even have a
+/// token, cannot shut out the daemon's owner. Processes that the kernel does not name have no limit
+/// of their own.
 class ConnectionCount {
  public:
   struct Limits {
@@ -95,7 +102,7 @@ class ConnectionCount {
   ConnectionCount(EventLoop& loop, Limits limits) : loop_(loop), limits_(limits) {}
   ~ConnectionCount();
 
-  /// False when the caller should close the connection.
+  /// Counts a connection. False: the caller closes it.
   [[nodiscard]] bool add(int connection, const Peer& peer);
   [[nodiscard]] u32 open() const { return u32(open_.size()); }
 
@@ -111,7 +118,7 @@ class ConnectionCount {
   };
   std::unordered_map<int, Entry> open_;
   std::map<Peer, u32> by_peer_;
-  u32 remote_ = 0;  // of open_, those over TCP
+  u32 remote_ = 0;  // open connections over TCP
 };
 
 }  // namespace heliograph::server

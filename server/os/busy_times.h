@@ -1,4 +1,4 @@
-// Who is at work, and for how long.
+// Start times of work in progress.
 #pragma once
 
 #include <chrono>
@@ -7,12 +7,12 @@
 
 namespace heliograph::server {
 
-/// When each of those at work began. Thread: any.
+/// Set of the start times of work in progress. Thread: any.
 class BusyTimes {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Is at work while it lives.
+  /// Counts as work in progress during its lifetime.
   class Scope {
    public:
     explicit Scope(BusyTimes& times) : times_(times) {
@@ -31,7 +31,7 @@ class BusyTimes {
     std::multiset<Clock::time_point>::iterator began_;
   };
 
-  /// How long the one that began first is at work; 0: nobody is.
+  /// Returns the age of the oldest work in progress, in seconds; 0: none.
   [[nodiscard]] double longest_seconds() const {
     const std::lock_guard lock(mutex_);
     if (began_.empty()) return 0;

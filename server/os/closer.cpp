@@ -1,4 +1,4 @@
-// Lanes that close what waits. See closer.h.
+// Threads that close queued descriptors. See closer.h.
 #include "server/os/closer.h"
 
 #include <sys/socket.h>
@@ -20,13 +20,13 @@ struct Closer::State {
   std::condition_variable ready;
   struct Queue {
     std::deque<UniqueFd> waiting;
-    bool is_closing = false;  // a lane has one of this sender's
+    bool is_closing = false;  // a thread closes one of this sender's
   };
-  std::map<u64, Queue> queues;  // by sender; those that have any
-  std::deque<u64> turns;        // senders of which some wait and none is being closed
+  std::map<u64, Queue> queues;  // by sender; none is empty
+  std::deque<u64> turns;        // senders with waiting descriptors, none being closed
   u32 open = 0;
   u32 lanes = 0;
-  u32 idle = 0;  // of these, those that wait for work
+  u32 idle = 0;  // idle threads
   bool is_over = false;
 };
 
@@ -51,7 +51,7 @@ void Closer::close(UniqueFd fd, u64 sender) {
     std::thread([state = state_] { work(state); }).detach();
     ++state_->lanes;
   } catch (const std::system_error&) {
-    // It waits for a lane that is there, or for the next call's attempt.
+    // No thread could be made: an existing one, or the next call, takes it.
   }
 }
 
@@ -69,7 +69,8 @@ u32 Closer::open() const {
 }
 
 void Closer::close_now(UniqueFd fd) {
-  const linger none{};  // what its sender set would hold this lane; no socket: refused
+  const linger
+      none{};  // overrides the sender's, which would block; fails harmlessly for non-sockets
   ::setsockopt(fd.get(), SOL_SOCKET, SO_LINGER, &none, sizeof none);
 }
 

@@ -1,6 +1,6 @@
-// Closing descriptors that others opened. close() of such a one takes as long as they like: a
-// socket with SO_LINGER, a file whose server does not answer, a socket in whose queue such a one
-// waits.
+// Closes descriptors received from peers. close() of one may block as long as the peer likes: a
+// socket with SO_LINGER, a file whose server does not answer, a socket whose queue holds such a
+// descriptor.
 #pragma once
 
 #include <functional>
@@ -11,15 +11,15 @@
 
 namespace heliograph::server {
 
-/// Owns: descriptors that wait, and threads that close them, begun when they are needed. Whoever a
-/// descriptor came from is its sender, by any number: of one sender's a single thread closes one at
-/// a time, so that nobody else waits for what hangs. Its end waits for none of them. Thread: any.
+/// Owns: descriptors waiting to be closed, and threads that close them, created on demand. A sender
+/// is any number that identifies the origin; one thread at a time closes a sender's descriptors, so
+/// that a blocking one delays no other sender. The destructor waits for none of them. Thread: any.
 class Closer {
  public:
   struct Limits {
-    u32 lanes = 64;     // threads: so many senders' descriptors may hang at a time
-    u32 waiting = 256;  // descriptors of one sender
-    u32 open = 4096;    // of all senders
+    u32 lanes = 64;     // threads, and so senders whose descriptors may block at a time
+    u32 waiting = 256;  // waiting descriptors per sender
+    u32 open = 4096;    // waiting descriptors in total
   };
   using Close = std::function<void(UniqueFd)>;
   explicit Closer(Limits limits, Close close = close_now);
@@ -27,16 +27,16 @@ class Closer {
   Closer(const Closer&) = delete;
   Closer& operator=(const Closer&) = delete;
 
-  /// The kernel's close(), without a socket's linger.
+  /// Calls close(), with a socket's linger turned off.
   static void close_now(UniqueFd fd);
 
-  /// Returns at once.
+  /// Queues a descriptor. Never blocks.
   void close(UniqueFd fd, u64 sender = 0);
-  /// As many of this sender's wait as may: no more of its descriptors are taken.
+  /// Returns true when a sender's quota is used up: accept none of its descriptors.
   [[nodiscard]] bool is_full(u64 sender) const;
-  /// As many of all senders' are open as may.
+  /// Returns true when the total quota is used up.
   [[nodiscard]] bool is_full() const;
-  /// Descriptors that are not closed yet.
+  /// Returns the number of descriptors not closed yet.
   [[nodiscard]] u32 open() const;
 
  private:
@@ -46,7 +46,7 @@ class Closer {
   const std::shared_ptr<State> state_;
 };
 
-/// A descriptor that somebody else opened or has the other end of; a Closer ends it.
+/// A descriptor that a peer opened or holds the other end of. The destructor passes it to a Closer.
 class ForeignFd {
  public:
   /// Owns nothing.

@@ -15,27 +15,27 @@
 
 namespace heliograph::server {
 
-/// Owns: an epoll set; not the watched descriptors. Thread: the one that calls run(), but for
-/// post() and quit(), which any thread may call.
+/// Owns: an epoll set; not the watched descriptors. Thread: the one that calls run(); post() and
+/// quit(): any.
 class EventLoop {
  public:
   using Handler = std::function<void(u32 events)>;
   using Clock = std::chrono::steady_clock;
 
-  /// `close`: of others' descriptors.
+  /// close   closes descriptors of peers, in the closer's threads
   [[nodiscard]] static Expected<std::unique_ptr<EventLoop>> create(
       Closer::Close close = Closer::close_now);
 
-  /// Calls `handler` with epoll's events (EPOLLHUP and EPOLLERR always) until forget(fd).
+  /// Calls `handler` with epoll's events (always EPOLLHUP and EPOLLERR too) until forget(fd).
   [[nodiscard]] Status watch(int fd, u32 events, Handler handler);
   void forget(int fd);
   void after(Clock::duration delay, std::function<void()> task);
 
   void post(std::function<void()> task);
   void quit();
-  /// Returns after quit().
+  /// Handles events until quit().
   void run();
-  /// For descriptors of others. Thread: any.
+  /// Closes descriptors of peers. Thread: any.
   [[nodiscard]] Closer& closer() { return closer_; }
 
  private:
@@ -44,10 +44,10 @@ class EventLoop {
   void run_timers();
   void run_posted();
 
-  Closer closer_;  // what handlers hold ends there
+  Closer closer_;  // first member: handlers own descriptors that it closes
   UniqueFd epoll_;
   UniqueFd wake_;  // an eventfd
-  // By a number that is never used again, so that a late event cannot reach a descriptor's heir.
+  // Keyed by a number that is never reused, so that a late event cannot reach a reused descriptor.
   std::unordered_map<u64, std::shared_ptr<Handler>> handlers_;
   std::unordered_map<int, u64> numbers_;
   u64 last_number_ = 0;

@@ -11,7 +11,7 @@ namespace heliograph::server {
 
 namespace {
 
-/// Found once: looking it up costs more than hashing a short text.
+/// Returns the algorithm, fetched once: a fetch costs more than hashing a short text.
 const EVP_MD* algorithm() {
   static const EVP_MD* const found = EVP_MD_fetch(nullptr, "SHA256", nullptr);
   return found;

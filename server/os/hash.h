@@ -11,7 +11,7 @@
 
 namespace heliograph::server {
 
-/// A digest over bytes that come in pieces.
+/// An incremental digest.
 class Sha256 {
  public:
   Sha256();
@@ -21,7 +21,7 @@ class Sha256 {
 
   void add(std::span<const std::byte> bytes);
   void add(std::string_view bytes);
-  /// The 32 bytes; nothing may be added afterwards.
+  /// Returns the digest, 32 bytes. No add() may follow.
   [[nodiscard]] std::string finish();
 
  private:
@@ -32,7 +32,7 @@ class Sha256 {
 [[nodiscard]] std::string sha256(std::string_view bytes);
 [[nodiscard]] std::string sha256(std::span<const std::byte> bytes);
 
-/// The same bytes for equal messages, maps included.
+/// Serialises deterministically: equal messages give equal bytes, maps included.
 [[nodiscard]] std::string serialize(const google::protobuf::MessageLite& message);
 
 }  // namespace heliograph::server

@@ -16,12 +16,12 @@ using Level = Log::Level;
 static_assert(int(Level::kDebug) == spdlog::level::debug);
 static_assert(int(Level::kError) == spdlog::level::err);
 
-// spdlog's: the time, the level, and what payload() makes.
+// spdlog pattern: the time, the level, and the text of payload().
 constexpr const char* kText = "%Y-%m-%d %H:%M:%S.%e %l %v";
 constexpr const char* kJson = R"({"time":"%Y-%m-%dT%H:%M:%S.%f%z","level":"%l","event":%v})";
 
-/// Code points that change how a line looks, not what it says: controls (C0, DEL, C1), marks of
-/// direction, of lines and of nothing, interlinear and tag characters.
+/// Returns true for code points that change how a line looks, not its content: controls (C0, DEL,
+/// C1), direction marks, line separators, zero-width, interlinear and tag characters.
 bool is_invisible(u32 c) {
   struct Range {
     u32 first, last;
@@ -36,10 +36,10 @@ bool is_invisible(u32 c) {
 
 struct CodePoint {
   u32 value = 0;
-  std::size_t bytes = 0;  // 0: no UTF-8
+  std::size_t bytes = 0;  // 0: invalid UTF-8
 };
 
-/// The first of a text that is not empty.
+/// Decodes the first code point of a text that is not empty.
 CodePoint first_of(std::string_view text) {
   const auto byte = [&](std::size_t i) { return u32(static_cast<unsigned char>(text[i])); };
   const u32 lead = byte(0);
@@ -117,7 +117,7 @@ Log::Log(const std::string& level, bool json, Limits limits, int fd)
                                })),
       logger_(std::make_unique<spdlog::logger>("heliographd", writer_)) {
   logger_->set_pattern(json ? kJson : kText);
-  // Its own would write to stderr, and wait for who reads it.
+  // spdlog's default handler writes to stderr and may block.
   logger_->set_error_handler([writer = writer_](const std::string&) { writer->lose(); });
   logger_->set_level(spdlog::level::from_str(level));
 }

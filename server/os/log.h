@@ -32,22 +32,22 @@ struct LogField {
 };
 using LogFields = std::initializer_list<LogField>;
 
-/// A value between quotes, of at most `bytes` bytes and a mark that says how many more there were:
-/// control, bidirectional and invisible characters as \uXXXX, bytes that are no UTF-8 as \\xXX. It
-/// is a string of JSON too.
+/// Quotes a value, cut to `bytes` bytes with a note of how many more there were. Control,
+/// bidirectional and invisible characters become \uXXXX, invalid UTF-8 \\xXX. The result is a JSON
+/// string.
 [[nodiscard]] std::string quoted(std::string_view value, u64 bytes);
 
-/// Thread: any. Nobody waits for who reads it.
+/// Structured log. Thread: any. A slow reader of stderr never blocks a caller.
 class Log {
  public:
   enum class Level : int { kDebug = 1, kInfo, kWarning, kError };  // spdlog's numbers
   struct Limits {
-    u64 bytes = 1 << 20;        // of lines that wait to be written
-    u64 value_bytes = 1 << 10;  // of one value
+    u64 bytes = 1 << 20;        // of queued lines
+    u64 value_bytes = 1 << 10;  // per value
   };
   /// level: "debug", "info", "warning", "error" or "off".
   Log(const std::string& level, bool json, Limits limits, int fd = STDERR_FILENO);
-  /// After flush().
+  /// Calls flush().
   ~Log();
   Log(const Log&) = delete;
   Log& operator=(const Log&) = delete;
@@ -56,15 +56,15 @@ class Log {
   void info(std::string_view event, LogFields fields = {}) const;
   void warning(std::string_view event, LogFields fields = {}) const;
   void error(std::string_view event, LogFields fields = {}) const;
-  /// The same, for who works out the level and the fields.
+  /// The same, with a computed level and fields.
   void write(Level level, std::string_view event, std::span<const LogField> fields) const;
   [[nodiscard]] bool is_on(Level level) const;
 
-  /// Waits until all is written, for a second at most.
+  /// Waits until the queue is written, for 1 s at most.
   void flush() const;
-  /// Lines since the start that nobody read in time.
+  /// Returns the number of lines dropped since the start because stderr was not read in time.
   [[nodiscard]] u64 dropped() const;
-  /// How long the present write has taken; 0 without one.
+  /// Returns how long the current write has taken, in seconds; 0: none.
   [[nodiscard]] double still_seconds() const;
 
  private:

@@ -13,7 +13,7 @@ namespace {
 
 constexpr auto kFlush = std::chrono::seconds(1);
 
-/// False when nobody can read it any more.
+/// Writes all of a text. False when the reader has closed the pipe.
 bool write_all(int fd, std::string_view text) {
   while (!text.empty()) {
     const ssize_t written = ::write(fd, text.data(), text.size());
@@ -47,8 +47,8 @@ void LogWriter::close() {
 void LogWriter::flush_() {
   std::unique_lock lock(mutex_, std::adopt_lock);
   changed_.wait_for(lock, kFlush,
-                    [this] { return lines_.empty() && !is_writing_ && dropped_ == told_; });
-  lock.release();  // to the caller
+                    [this] { return lines_.empty() && !is_writing_ && dropped_ == reported_; });
+  lock.release();  // the caller holds and releases the mutex
 }
 
 void LogWriter::sink_it_(const spdlog::details::log_msg& message) {
@@ -85,13 +85,13 @@ double LogWriter::still_seconds() {
   return std::chrono::duration<double>(Clock::now() - began_).count();
 }
 
-/// Of the lines the first, or how many were dropped; "": nothing.
+/// Returns the next text to write: the first line, or the notice of dropped lines; "": nothing.
 std::string LogWriter::next() {
-  if (lines_.empty() && dropped_ == told_) return "";
+  if (lines_.empty() && dropped_ == reported_) return "";
   if (!lines_.empty()) return lines_.front();
-  const std::string said = dropped_line_(dropped_ - told_);
-  told_ = dropped_;
-  return format({"", spdlog::level::warn, said});
+  const std::string notice = dropped_line_(dropped_ - reported_);
+  reported_ = dropped_;
+  return format({"", spdlog::level::warn, notice});
 }
 
 void LogWriter::work() {
@@ -110,7 +110,7 @@ void LogWriter::work() {
     lock.lock();
     is_writing_ = false;
     if (is_line) {
-      if (!is_written) told_ = ++dropped_;  // nobody can be told
+      if (!is_written) reported_ = ++dropped_;  // the notice cannot be written either
       bytes_ -= text.size();
       lines_.pop_front();
     }

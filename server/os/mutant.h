@@ -1,5 +1,5 @@
-// Seeded bugs, so that the tests can be tested: only in the mutants that tests/CMakeLists.txt
-// builds, nothing in a daemon.
+// Seeded bugs that test the tests: compiled only into the mutants that tests/CMakeLists.txt builds,
+// no code in a daemon.
 #pragma once
 
 #include <cstdlib>
@@ -8,7 +8,7 @@
 namespace heliograph::server {
 
 #ifdef HELIOGRAPH_MUTANTS
-/// Whether the environment asks for this bug.
+/// Returns true when the environment asks for this bug.
 inline bool has_bug(std::string_view name) {
   const char* chosen = std::getenv("HELIOGRAPH_MUTANT");
   return chosen && name == chosen;

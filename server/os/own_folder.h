@@ -1,4 +1,4 @@
-// Folders that other users must not get at. Used by accept.cpp and the journal.
+// Folders protected from other users. Used by accept.cpp and the journal.
 #pragma once
 
 #include <string>
@@ -8,10 +8,10 @@
 
 namespace heliograph::server {
 
-enum class Others : u8 { kMayRead, kMayNothing };
+enum class Others : u8 { kMayRead, kOwnerOnly };
 
-/// Opens a folder of the daemon's user or of root. PERMISSION_DENIED, at `flag`, when it is
-/// somebody else's or lets others do more; UNAVAILABLE when it cannot be opened.
+/// Opens a folder owned by the daemon's user or by root. PERMISSION_DENIED, at `flag`, when another
+/// user owns it or `others` may do more; UNAVAILABLE when it cannot be opened.
 [[nodiscard]] Expected<UniqueFd> open_own_folder(const std::string& folder, Others others,
                                                  const char* flag);
 

@@ -13,8 +13,8 @@
 
 namespace heliograph::server {
 
-/// Sends the pieces as one packet, with a descriptor unless that is -1. False when the socket does
-/// accept it at once: its client has left, or does not read.
+/// Sends the pieces as one packet, with a descriptor unless that is -1. Never blocks. False when
+/// the socket does not accept it: its client has left, or does not read.
 [[nodiscard]] inline bool send_packet(int socket, std::span<iovec> pieces, int descriptor) {
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof descriptor)> control{};
   msghdr message{};

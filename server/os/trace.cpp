@@ -16,7 +16,7 @@ bool is_zero(std::string_view text) {
   return std::ranges::all_of(text, [](char c) { return c == '0'; });
 }
 
-/// A later version may have more after a dash, and is read like this one.
+/// Checks the fixed part; a later version may append more after a dash.
 bool is_parent(std::string_view text) {
   if (text.size() < kLength) return false;
   const std::string_view version = text.substr(0, 2);
@@ -37,7 +37,7 @@ bool is_state(std::string_view text) {
 
 Trace parse_trace(std::string_view parent, std::string_view state) {
   if (!is_parent(parent)) return {};
-  // What a later version adds is unknown here, so it is not passed on.
+  // Fields that a later version appends are unknown here, so they are not passed on.
   Trace trace{.parent = std::string(parent.substr(0, kLength)), .state = ""};
   if (is_state(state)) trace.state = state;
   return trace;

@@ -6,7 +6,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr auto kLook = std::chrono::milliseconds(250);
+constexpr auto kTick = std::chrono::milliseconds(250);
 
 double seconds_since(EventLoop::Clock::time_point start) {
   return std::chrono::duration<double>(EventLoop::Clock::now() - start).count();
@@ -17,10 +17,10 @@ double seconds_since(EventLoop::Clock::time_point start) {
 Watchdog::Watchdog(EventLoop& loop, const Log& log, Options options)
     : loop_(loop), log_(log), options_(options) {}
 
-void Watchdog::start(std::vector<Part> parts, Told told) {
+void Watchdog::start(std::vector<Part> parts, Handlers handlers) {
   parts_ = std::move(parts);
   parts_.push_back({"loop", Needs::kReadiness, [this] { return ask_loop(); }});
-  told_ = std::move(told);
+  handlers_ = std::move(handlers);
   thread_ = std::thread([this] { work(); });
 }
 
@@ -38,7 +38,7 @@ std::map<std::string, double> Watchdog::still_seconds() const {
   return seen_;
 }
 
-/// How long it owes an answer.
+/// Returns how long the loop has not answered, in seconds.
 double Watchdog::ask_loop() {
   {
     const std::lock_guard lock(beat_->mutex);
@@ -55,14 +55,14 @@ double Watchdog::ask_loop() {
 
 void Watchdog::work() {
   std::unique_lock lock(mutex_);
-  while (!wake_.wait_for(lock, kLook, [this] { return is_stopped_; })) {
+  while (!wake_.wait_for(lock, kTick, [this] { return is_stopped_; })) {
     lock.unlock();
-    look();
+    tick();
     lock.lock();
   }
 }
 
-void Watchdog::look() {
+void Watchdog::tick() {
   std::map<std::string, double> seen;
   std::string fault;
   bool is_live = true;
@@ -84,9 +84,9 @@ void Watchdog::look() {
     const std::lock_guard lock(mutex_);
     seen_ = std::move(seen);
   }
-  if (std::exchange(fault_, fault) != fault) told_.ready(fault);
-  if (std::exchange(is_live_, is_live) != is_live) told_.live(is_live);
-  told_.looked(loop_still);
+  if (std::exchange(fault_, fault) != fault) handlers_.on_fault(fault);
+  if (std::exchange(is_live_, is_live) != is_live) handlers_.on_live(is_live);
+  handlers_.on_tick(loop_still);
 }
 
 }  // namespace heliograph::server

@@ -1,5 +1,5 @@
-// A thread that sees whether what nothing may stop moves: the event loop, the threads of calls, the
-// work pool, the log. Started by lifecycle.cpp.
+// A thread that detects stalls of the event loop, the threads of calls, the work pool and the log.
+// Started by lifecycle.cpp.
 #pragma once
 
 #include <condition_variable>
@@ -15,55 +15,56 @@
 
 namespace heliograph::server {
 
-/// Owns: its thread, which waits for nothing that it looks at. Thread: any.
+/// Owns: its thread, which never waits for the parts that it checks. Thread: any.
 class Watchdog {
  public:
   struct Options {
-    double hang_seconds = 4;    // a part that stands still for so long is a fault
-    double stuck_seconds = 60;  // a vital part does not come back: the daemon is not live
+    double hang_seconds = 4;    // a part stalled for longer is a fault
+    double stuck_seconds = 60;  // a part that liveness needs, stalled for longer: not live
   };
-  /// How much hangs on a part.
+  /// What a stall of a part takes away.
   enum class Needs { kNothing, kLiveness, kReadiness };
   struct Part {
     std::string name;
     Needs needs = Needs::kNothing;  // readiness includes liveness
     std::function<double()> still_seconds;
   };
-  /// What follows; from the watchdog's thread.
-  struct Told {
-    std::function<void(const std::string& fault)> ready;    // when it changes; "": all moves
-    std::function<void(bool is_live)> live;                 // when it changes
-    std::function<void(double loop_still_seconds)> looked;  // each time
+  /// Called on changes. Thread: the watchdog's.
+  struct Handlers {
+    std::function<void(const std::string& fault)>
+        on_fault;                               // when it changes; "": no part is stalled
+    std::function<void(bool is_live)> on_live;  // when it changes
+    std::function<void(double loop_still_seconds)> on_tick;  // on every tick, 4 per second
   };
   Watchdog(EventLoop& loop, const Log& log, Options options);
   ~Watchdog() { stop(); }
 
-  /// Looks at these and at the loop from now on, four times a second. Once.
-  void start(std::vector<Part> parts, Told told);
-  /// No other look begins.
+  /// Starts the thread, which checks these parts and the loop four times per second. Called once.
+  void start(std::vector<Part> parts, Handlers handlers);
+  /// Ends the thread.
   void stop();
-  /// How long each part stood still when it was looked at last, by name.
+  /// Returns how long each part was stalled at the last tick, in seconds, by name.
   [[nodiscard]] std::map<std::string, double> still_seconds() const;
 
  private:
   using Clock = EventLoop::Clock;
   [[nodiscard]] double ask_loop();
   void work();
-  void look();
+  void tick();
 
   EventLoop& loop_;
   const Log& log_;
   const Options options_;
   std::vector<Part> parts_;
-  Told told_;
-  std::map<std::string, bool> faults_;  // whether a part was told to stand still
+  Handlers handlers_;
+  std::map<std::string, bool> faults_;  // by part: its stall was logged
   std::string fault_;
   bool is_live_ = true;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   bool is_stopped_ = false;
   std::map<std::string, double> seen_;
-  /// The loop answers by it; it may outlive the watchdog.
+  /// Round trip to the loop; may outlive the watchdog.
   struct Beat {
     std::mutex mutex;
     bool is_asked = false;

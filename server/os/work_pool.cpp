@@ -6,7 +6,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr int kTasksATurn = 16;  // of a strand, then it is others' turn
+constexpr int kTasksATurn = 16;  // of a strand before it requeues itself
 
 }  // namespace
 
@@ -63,7 +63,7 @@ void WorkPool::push(u64 tenant, Task task) {
   ++waiting_;
 }
 
-/// The oldest of the tenant whose turn it is.
+/// Takes the oldest task of the tenant whose turn it is.
 WorkPool::Task WorkPool::next() {
   const auto own = tasks_.find(turns_.front());
   turns_.pop_front();
@@ -92,13 +92,13 @@ void WorkPool::work() {
     moved_ = std::chrono::steady_clock::now();
     lock.unlock();
     task();
-    task = nullptr;  // what it holds is freed outside the lock
+    task = nullptr;  // frees its captures outside the lock
     lock.lock();
   }
 }
 
 Status Strand::run(WorkPool::Task task, bool is_short) {
-  WorkPool::Task now;  // empty: it waits its turn
+  WorkPool::Task now;  // empty: the task was queued
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)

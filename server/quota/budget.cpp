@@ -9,12 +9,12 @@
 namespace heliograph::server {
 namespace {
 
-constexpr double kBucketSeconds = 10;  // what a bucket holds
+constexpr double kBucketSeconds = 10;  // size of a bucket
 
 }  // namespace
 
-Budget::Budget(u64 limit, Words words, std::shared_ptr<Budget> total)
-    : limit_(limit), words_(std::move(words)), total_(std::move(total)) {
+Budget::Budget(u64 limit, RefusalText text, std::shared_ptr<Budget> total)
+    : limit_(limit), text_(std::move(text)), total_(std::move(total)) {
   if (!total_) return;
   const std::lock_guard lock(mutex());
   total_->tenants_.push_back(this);
@@ -33,7 +33,7 @@ u64 Budget::share() const {
 
 u64 Budget::available(const Budget& tenant) const {
   const u64 each = share();
-  u64 kept = 0;  // for others
+  u64 kept = 0;  // reserved for other tenants
   for (const Budget* other : tenants_)
     if (other != &tenant) kept += each - std::min<u64>(each, other->used_);
   return limit_ - std::min<u64>(limit_, used_ + kept);
@@ -43,10 +43,10 @@ std::unexpected<Error> Budget::refuse(u64 amount, u64 available) const {
   Error error{.code = Code::kResourceExhausted,
               .message = fmt::format("needs {} {}, {} are available ({} of {} are in use); {}, or "
                                      "raise the limit {}",
-                                     amount, words_.unit, available, used_.load(), limit_.load(),
-                                     words_.remedy, words_.limit),
+                                     amount, text_.unit, available, used_.load(), limit_.load(),
+                                     text_.remedy, text_.limit),
               .where = ""};
-  error.limit = words_.limit;
+  error.limit = text_.limit;
   error.needed = amount;
   error.available = available;
   error.allowed = limit_;
@@ -94,10 +94,10 @@ Status Budget::admit(Work work, u64 bytes) const {
               .message = fmt::format("the daemon is too full for {}: {} of {} {} are in use, {} by "
                                      "this tenant, and {} is where they end; {}, retry in {} s, or "
                                      "raise the limit {}",
-                                     name_of(work), used, limit, words_.unit, used_.load(), allowed,
-                                     words_.remedy, kFullSeconds, total_->words_.limit),
+                                     name_of(work), used, limit, text_.unit, used_.load(), allowed,
+                                     text_.remedy, kFullSeconds, total_->text_.limit),
               .where = ""};
-  error.limit = total_->words_.limit;
+  error.limit = total_->text_.limit;
   error.needed = 1;
   error.allowed = allowed;
   error.retry_seconds = kFullSeconds;

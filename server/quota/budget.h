@@ -1,4 +1,4 @@
-// Limits that are shared: how much may be in use, and how much a second.
+// Quotas: amounts in use (Budget, Charge) and amounts per second (Rate).
 #pragma once
 
 #include <atomic>
@@ -13,45 +13,45 @@
 
 namespace heliograph::server {
 
-/// What may be in use, and how much is: of one tenant, or the total that tenants share. Of a total
-/// each tenant has a part that others cannot take, its share, so that none ever has all.
+/// Amount of a resource in use, and its limit: of one tenant, or the total that tenants share.
+/// Within a total each tenant has a share that others cannot take, so that no tenant ever has all.
 /// Thread: any; one mutex for a total and its parts, held for less than a microsecond per tenant.
 class Budget {
  public:
-  /// How its refusals are worded: what it counts, how the user makes room, the limit's name.
-  struct Words {
+  /// Words of a refusal: the unit counted, how the user makes room, the limit's name.
+  struct RefusalText {
     std::string unit;
     std::string remedy;
     std::string limit;
   };
-  /// What is taken is taken from `total` too, if there is one.
-  Budget(u64 limit, Words words, std::shared_ptr<Budget> total = nullptr);
+  /// total   charged along with this budget; null: none
+  Budget(u64 limit, RefusalText text, std::shared_ptr<Budget> total = nullptr);
   Budget(const Budget&) = delete;
   Budget& operator=(const Budget&) = delete;
   ~Budget();
 
-  /// RESOURCE_EXHAUSTED with what is needed and what there is; nothing is taken then.
+  /// Takes an amount. RESOURCE_EXHAUSTED with the amounts needed and available; takes nothing then.
   [[nodiscard]] Status take(u64 amount);
-  /// Counts what is there already, whatever the limit is.
+  /// Takes an amount that exists already, even beyond the limit.
   void count(u64 amount);
   void give_back(u64 amount);
   [[nodiscard]] u64 used() const { return used_; }
   [[nodiscard]] u64 limit() const { return limit_; }
-  /// What is used stays used, more than the limit too.
+  /// Sets the limit; the amount in use stays, even beyond it.
   void set_limit(u64 limit) { limit_ = limit; }
-  [[nodiscard]] const std::string& name() const { return words_.limit; }
+  [[nodiscard]] const std::string& name() const { return text_.limit; }
 
   // Of a total, before it is used:
-  /// 1 / parts is each tenant's share, or less where there are more tenants than parts.
+  /// Sets each tenant's share to 1 / parts, or less where there are more tenants than parts.
   void set_parts(u64 parts) { parts_ = parts; }
-  /// Refuses work while it is full.
+  /// Sets the policy that admit() follows while the total is nearly full.
   void set_overload(std::shared_ptr<const Overload> overload) { overload_ = std::move(overload); }
 
-  /// Of a tenant's: RESOURCE_EXHAUSTED with a retry time when the total is too full for this work
-  /// and the tenant has more than its share, or when the daemon's memory is, which this work brings
-  /// so many bytes into.
+  /// Admits new work of a tenant that will bring `bytes` into memory. RESOURCE_EXHAUSTED with a
+  /// retry time when the total is too full for this kind of work and the tenant exceeds its share,
+  /// or when the process's memory is.
   [[nodiscard]] Status admit(Work work, u64 bytes = 0) const;
-  /// The same for work that goes on: the daemon's memory alone.
+  /// Checks the process's memory alone, for work that goes on.
   [[nodiscard]] Status check_memory(Work work, u64 bytes = 0) const;
 
  private:
@@ -62,26 +62,26 @@ class Budget {
   [[nodiscard]] std::mutex& mutex() const { return total_ ? total_->mutex_ : mutex_; }
 
   std::atomic<u64> limit_;
-  const Words words_;
+  const RefusalText text_;
   const std::shared_ptr<Budget> total_;
   std::atomic<u64> used_ = 0;
   mutable std::mutex mutex_;
   // Of a total:
   u64 parts_ = 8;
   std::shared_ptr<const Overload> overload_;
-  std::vector<const Budget*> tenants_;  // that share it
+  std::vector<const Budget*> tenants_;  // tenants that share this total
 };
 
-/// A share of a budget, given back with its end.
+/// An amount taken from a budget, given back by the destructor.
 class Charge {
  public:
   [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 amount);
   [[nodiscard]] static Charge count(std::shared_ptr<Budget> budget, u64 amount);
-  /// Of nothing so far.
+  /// Returns a charge of 0, which can grow.
   [[nodiscard]] static Charge none(std::shared_ptr<Budget> budget) {
     return count(std::move(budget), 0);
   }
-  /// As take(), for what several things own together.
+  /// As take(), for an amount that several objects share.
   [[nodiscard]] static Expected<std::shared_ptr<const void>> hold(std::shared_ptr<Budget> budget,
                                                                   u64 amount);
   Charge() = default;
@@ -89,15 +89,14 @@ class Charge {
   Charge& operator=(Charge&& other) noexcept;
   ~Charge();
 
-  /// Takes more, or gives some back. When that fails it stays as it was. One of no budget counts
-  /// nothing.
+  /// Changes the amount; unchanged on failure. A charge without a budget counts nothing.
   [[nodiscard]] Status resize(u64 amount);
-  /// Takes over one of the same budget.
+  /// Adds another charge of the same budget.
   void merge(Charge other);
-  /// So much of it, or all of it where it is less, as a charge of its own.
+  /// Splits off an amount, at most all of it, as a charge of its own.
   [[nodiscard]] Charge split(u64 amount);
   [[nodiscard]] u64 amount() const { return amount_; }
-  /// Budget::check_memory().
+  /// As Budget::check_memory().
   [[nodiscard]] Status check_memory(Work work) const {
     return budget_ ? budget_->check_memory(work) : Status();
   }
@@ -107,9 +106,8 @@ class Charge {
   u64 amount_ = 0;
 };
 
-/// How much a second, on average: a bucket that holds some seconds' worth and may go into debt.
-/// Work is let in while the bucket is not empty, and charged when it is known what it took.
-/// Thread: any.
+/// Token bucket: a rate per second, with some seconds of burst and debt. Work is admitted while the
+/// bucket is not empty, and charged once its cost is known. Thread: any.
 class Rate {
  public:
   using Clock = std::chrono::steady_clock;
@@ -117,11 +115,11 @@ class Rate {
   Rate(u64 per_second, std::string name) : per_second_(per_second), name_(std::move(name)) {}
 
   [[nodiscard]] u64 limit() const { return per_second_; }
-  /// Takes as long to fill the bucket as before.
+  /// Sets the rate; the time to refill the bucket stays.
   void set_limit(u64 per_second) { per_second_ = per_second; }
   [[nodiscard]] const std::string& name() const { return name_; }
 
-  /// RESOURCE_EXHAUSTED with the time until the debt is paid.
+  /// Admits work. RESOURCE_EXHAUSTED with the time until the debt is paid.
   [[nodiscard]] Status admit(Clock::time_point now = Clock::now());
   void charge(u64 amount, Clock::time_point now = Clock::now());
 
@@ -131,7 +129,7 @@ class Rate {
   std::atomic<u64> per_second_;
   const std::string name_;
   std::mutex mutex_;
-  double missing_ = 0;  // seconds' worth, from the full bucket
+  double missing_ = 0;  // seconds until the bucket is full
   Clock::time_point filled_ = Clock::now();
 };
 

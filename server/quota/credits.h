@@ -1,4 +1,4 @@
-// What a client may ask for ahead: credits and waiting requests. Used by RenderBatch and Stream.
+// Flow control of streams: credits and waiting requests. Used by RenderBatch and Stream.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,15 +8,15 @@
 
 namespace heliograph::server {
 
-/// Of a call whose first message names none.
+/// Credits of a call whose first message names none.
 inline constexpr u32 kDefaultCredits = 2;
 
-/// Of each call's requests, replies and frames so many bytes are not charged to its tenant, which
-/// can look and ask when it has used up what it has.
+/// Bytes of each call's requests, replies and frames that are not charged to its tenant: one that
+/// has used up its quota can still look and ask.
 inline constexpr u64 kFreeBytes = 64 << 10;
 [[nodiscard]] inline u64 charged(u64 bytes) { return bytes > kFreeBytes ? bytes : 0; }
 
-/// `credits`: of the call in all, those in use included.
+/// credits   of the call in total, those in use included
 [[nodiscard]] inline Status check_credits(u64 credits, const Limits& limits) {
   if (credits <= limits.credits) return {};
   return std::unexpected(Error{
@@ -28,13 +28,13 @@ inline constexpr u64 kFreeBytes = 64 << 10;
       .available = limits.credits});
 }
 
-/// How the refusal of what waits is worded.
+/// Words of a refusal of waiting requests.
 struct Waiting {
   std::string where;
   std::string what;    // "more items"
   std::string remedy;  // when to send the next
 };
-/// `bytes`: of all that waits in the call.
+/// bytes   of all that waits in the call
 [[nodiscard]] inline Status check_waiting(u64 bytes, const Limits& limits, const Waiting& words) {
   if (bytes <= limits.waiting_bytes) return {};
   Error error{.code = Code::kResourceExhausted,

@@ -6,11 +6,11 @@
 namespace heliograph::server {
 namespace {
 
-/// A resource: where it stands, its limits, and how a refusal is worded.
+/// A resource: its member, its limits, and the words of its refusals.
 struct Resource {
   Ledger::BudgetPtr Ledger::* budget;
-  u64 Limits::* total;   // null: tenants have limits of their own alone
-  u64 Limits::* tenant;  // the same as `total` where a tenant may have all but the others' shares
+  u64 Limits::* total;   // null: limited per tenant only
+  u64 Limits::* tenant;  // equal to `total` where a tenant may use all but the others' shares
   const char* total_name;
   const char* tenant_name;
   const char* unit;
@@ -46,7 +46,7 @@ Ledger Ledger::of_all(const Limits& limits) {
   for (const Resource& each : kResources) {
     if (each.total == nullptr) continue;
     all.*each.budget = std::make_shared<Budget>(
-        limits.*each.total, Budget::Words{each.unit, each.remedy, each.total_name});
+        limits.*each.total, Budget::RefusalText{each.unit, each.remedy, each.total_name});
     (all.*each.budget)->set_parts(limits.reserved_parts);
   }
   all.bytes->set_overload(std::make_shared<const Overload>(Overload::Options{
@@ -59,7 +59,7 @@ Ledger Ledger::of_tenant(const Limits& limits, const Ledger& all) {
   Ledger tenant;
   for (const Resource& each : kResources)
     tenant.*each.budget = std::make_shared<Budget>(
-        limits.*each.tenant, Budget::Words{each.unit, each.remedy, each.tenant_name},
+        limits.*each.tenant, Budget::RefusalText{each.unit, each.remedy, each.tenant_name},
         all.*each.budget);
   return tenant;
 }

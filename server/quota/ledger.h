@@ -1,5 +1,5 @@
-// What may be in use at a time, resource by resource: of a tenant, and of all in total. Each tenant
-// has one (tenant.h); whoever takes something holds a Charge.
+// Budgets by resource: one ledger per tenant, and one of totals. Whoever takes something holds a
+// Charge. A tenant's is in tenant.h.
 #pragma once
 
 #include <memory>
@@ -10,30 +10,30 @@
 
 namespace heliograph::server {
 
-/// Thread: any.
+/// A set of budgets. Thread: any.
 struct Ledger {
   using BudgetPtr = std::shared_ptr<Budget>;
-  BudgetPtr bytes;        // that clients caused to be kept: uploads, arrays, attributes, requests
-  BudgetPtr jobs;         // and queries, that wait or run
-  BudgetPtr sessions;     // open
-  BudgetPtr scenes;       // there
-  BudgetPtr quick_calls;  // sessions that have a socket for them
-  BudgetPtr descriptors;  // of frames in shared memory and of these sockets
-  BudgetPtr entities;     // of all scenes; a tenant's alone
-  BudgetPtr streams;      // calls of Stream, RenderBatch and Watch; a tenant's alone
-  BudgetPtr disk;         // bytes of durable scenes; a tenant's alone
+  BudgetPtr bytes;        // in memory for clients: uploads, arrays, attributes, requests
+  BudgetPtr jobs;         // jobs and queries, waiting or running
+  BudgetPtr sessions;     // open sessions
+  BudgetPtr scenes;       // existing scenes
+  BudgetPtr quick_calls;  // sessions with a socket for quick calls
+  BudgetPtr descriptors;  // descriptors of frames in shared memory and of quick calls
+  BudgetPtr entities;     // entities of all scenes; per tenant only
+  BudgetPtr streams;      // calls of Stream, RenderBatch and Watch; per tenant only
+  BudgetPtr disk;         // bytes of durable scenes; per tenant only
 
-  /// The totals, which tenants share.
+  /// Makes the totals, which tenants share.
   [[nodiscard]] static Ledger of_all(const Limits& limits);
-  /// A tenant's part of them.
+  /// Makes a tenant's budgets, parts of the totals.
   [[nodiscard]] static Ledger of_tenant(const Limits& limits, const Ledger& all);
-  /// From now on these hold for a tenant.
+  /// Sets the limits of a tenant's budgets.
   void set_limits(const Limits& limits);
-  /// The same for the totals.
+  /// Sets the limits of the totals.
   void set_totals(const Limits& limits) const;
-  /// Totals have no limits until set_totals().
+  /// Lifts the limits of the totals until set_totals().
   void lift() const;
-  /// Those that there are.
+  /// Returns the budgets that are not null.
   [[nodiscard]] std::vector<BudgetPtr> list() const;
 };
 

@@ -11,7 +11,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr i64 kFreshMilliseconds = 20;  // so long a figure is good enough
+constexpr i64 kFreshMilliseconds = 20;  // age up to which a measurement is reused
 
 i64 now_milliseconds() {
   using std::chrono::steady_clock;

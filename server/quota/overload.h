@@ -1,5 +1,5 @@
-// Admission while the daemon runs full: which work is refused first, and from where on. Asked
-// through Budget::admit().
+// Admission control near exhaustion: the order in which kinds of work are refused, and the
+// thresholds. Used by Budget::admit().
 #pragma once
 
 #include <array>
@@ -10,29 +10,28 @@
 
 namespace heliograph::server {
 
-/// In the order in which they are refused.
+/// Kinds of work, the one refused first first.
 enum class Work : u8 { kSessions, kUploads, kJobs };
 
-/// Bytes of memory that are resident in this process.
+/// Returns the resident set size of this process in bytes.
 [[nodiscard]] u64 resident_bytes();
 
-/// Thread: any.
+/// Thresholds of admission. Thread: any.
 class Overload {
  public:
   struct Options {
-    std::array<u64, 3> percent{85, 92, 97};  // of a total, by Work: above it that work is refused
-    u64 memory_bytes = 0;                    // that the process may have; 0: nobody knows
+    std::array<u64, 3> percent{85, 92, 97};  // of a total, by Work: that work is refused above it
+    u64 memory_bytes = 0;                    // memory limit of the process; 0: unknown
     std::function<u64()> resident = resident_bytes;
   };
   explicit Overload(Options options) : options_(std::move(options)) {}
 
-  /// Whether so much of a total is too much for this work.
+  /// Returns true when a total is too full for this work.
   [[nodiscard]] bool is_full(Work work, u64 used, u64 total) const;
-  /// RESOURCE_EXHAUSTED when the process's memory is nearly used up, or would be with so many bytes
-  /// more; with a retry time where waiting may help. Nobody is spared: the kernel would not spare
-  /// anybody either.
+  /// Checks that the process can take `bytes` more. RESOURCE_EXHAUSTED otherwise, with a retry time
+  /// where waiting may help. Applies to every tenant: the kernel's OOM killer would spare none.
   [[nodiscard]] Status check_memory(Work work, u64 bytes) const;
-  /// Room for this work in a total.
+  /// Returns the amount of a total that this work may fill.
   [[nodiscard]] u64 allowed(Work work, u64 total) const;
 
  private:
@@ -43,10 +42,10 @@ class Overload {
   mutable std::atomic<i64> read_at_ = 0;  // ms of the steady clock
 };
 
-/// "new sessions"
+/// Returns the name of a kind of work in refusals, such as "new sessions".
 [[nodiscard]] const char* name_of(Work work);
 
-/// Until there may be room again.
+/// Retry time, seconds, of work refused for overload.
 inline constexpr double kFullSeconds = 2;
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// What is in a scene, by name and number. Used by DescribeScene.
+// Lists the objects of a scene by name and number. Used by DescribeScene.
 #pragma once
 
 #include "heliograph/v1/service.pb.h"
@@ -9,11 +9,11 @@ namespace heliograph::server {
 
 void describe_counts(const Snapshot& snapshot, v1::ObjectCounts& counts);
 void describe_categories(const Snapshot& snapshot, v1::DescribeSceneReply& reply);
-/// A page of the objects whose name matches the glob ("": all, nameless ones too), by kind and in
-/// id order.
+/// Fills a page with the objects whose name matches the glob ("": all, also unnamed ones), by kind
+/// and in id order.
 void describe_objects(const Snapshot& snapshot, const std::string& pattern, Page& page,
                       v1::DescribeSceneReply& reply);
-/// Bytes of the tables' rows; chunks that other revisions share are counted here too.
+/// Returns the bytes of the tables' rows, including chunks shared with other revisions.
 [[nodiscard]] u64 row_bytes(const Snapshot& snapshot);
 
 }  // namespace heliograph::server

@@ -7,11 +7,11 @@
 namespace heliograph::server {
 
 void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
-  Entry entry{.scene = id,
-              .tenant = tenant->name,
-              .sync = lifetime == v1::LIFETIME_DISK_SYNCED,
-              .files = std::move(edit.files),
-              .done = {}};
+  JournalRecord record{.scene = id,
+                       .tenant = tenant->name,
+                       .sync = lifetime == v1::LIFETIME_DISK_SYNCED,
+                       .files = std::move(edit.files),
+                       .done = {}};
   Status appended;
   {
     const std::lock_guard lock(commit_mutex_);
@@ -26,16 +26,16 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
       edit.record.clear_transaction();
       edit.record.clear_transaction_file();
       edit.record.clear_assets();
-      entry.files.clear();
+      record.files.clear();
       *edit.record.mutable_refusal() = encode_refusal(prepared.error());
     }
     edit.record.set_scene(id);
-    entry.record = edit.record.SerializeAsString();
+    record.body = edit.record.SerializeAsString();
     SceneEvents::Event event;
     if (prepared)
       event = event_of(edit.sent.empty() ? edit.record.transaction() : edit.sent, *prepared);
-    entry.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
-                  finish](const Status& committed) {
+    record.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
+                   finish](const Status& committed) {
       self->end(prepared, event, committed);
       if (!committed) return finish(std::unexpected(committed.error()));
       if (!prepared) return finish(std::unexpected(prepared.error()));
@@ -44,7 +44,7 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
     if (has_bug("publish_before_commit") && prepared) scene.publish(*prepared);
     if (has_bug("ack_before_append") && prepared)
       finish(apply_reply(edit.record.number(), *prepared));
-    appended = journal->append(std::move(entry));
+    appended = journal->append(std::move(record));
     if (!appended && prepared) drop_pending(prepared->snapshot->revision);
   }
   if (!appended) finish(std::unexpected(appended.error()));
@@ -58,7 +58,7 @@ void SceneEntry::end(const Expected<Prepared>& prepared, SceneEvents::Event even
     if (!committed) return drop_pending(0);
     if (!has_bug("publish_before_commit")) publish(*prepared, std::move(event));
   }
-  tell(prepared->snapshot->revision);
+  notify(prepared->snapshot->revision);
 }
 
 void SceneEntry::drop_pending(Revision first) {

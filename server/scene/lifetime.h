@@ -1,4 +1,4 @@
-// How long scenes live: the contract's Lifetime, and the words that the journal has for it.
+// Lifetime of scenes: the contract's Lifetime, and the journal's Durability.
 #pragma once
 
 #include "heliograph/v1/types.pb.h"
@@ -6,11 +6,11 @@
 
 namespace heliograph::server {
 
-/// The default in the place of none.
+/// Replaces the unspecified value by the default.
 [[nodiscard]] inline v1::Lifetime or_default(v1::Lifetime lifetime) {
   return lifetime == v1::LIFETIME_UNSPECIFIED ? v1::LIFETIME_SESSION : lifetime;
 }
-/// Whether it is journaled.
+/// Returns true for lifetimes that are journaled.
 [[nodiscard]] inline bool is_durable(v1::Lifetime lifetime) {
   return lifetime == v1::LIFETIME_DISK || lifetime == v1::LIFETIME_DISK_SYNCED;
 }

@@ -1,4 +1,4 @@
-// Snapshots are decoded, the records after them applied. See recovery.h.
+// Decodes snapshots and applies the records after them. See recovery.h.
 #include "server/scene/recovery.h"
 
 #include <fmt/format.h>
@@ -11,12 +11,12 @@
 namespace heliograph::server {
 namespace {
 
-/// A transaction that was accepted once is accepted again, whatever the limits are now.
+/// Limits for replay: a transaction that was accepted once is accepted again.
 constexpr SceneLimits kNoLimits{.entities = std::numeric_limits<u32>::max(),
                                 .array_bytes = std::numeric_limits<u64>::max(),
                                 .revisions = 1};
 
-/// The same of what tenants are given, until all is there.
+/// Limits of tenants during recovery: none.
 Limits no_limits() {
   Limits limits;
   limits.tenant_bytes = limits.tenant_entities = limits.scenes = std::numeric_limits<u64>::max();
@@ -38,7 +38,7 @@ class Recovery {
   [[nodiscard]] Expected<Recovered> finish();
 
  private:
-  /// A session's edits; replies are made when it is known which are kept.
+  /// The edits of a session; replies are made once it is known which are kept.
   struct Log {
     u64 last = 0;
     std::deque<EditLog::Reply> kept;
@@ -49,7 +49,7 @@ class Recovery {
     std::map<u64, Log> logs;
     std::shared_ptr<SceneEvents> events;
   };
-  /// What one tenant's arrays are read from and counted against.
+  /// Stores and budgets that one tenant's arrays are read from and charged to.
   struct Owner {
     TenantPtr tenant;
     std::unique_ptr<RecoveringSource> source;
@@ -114,7 +114,8 @@ Status Recovery::add_scene(const journal::SceneRow& row) {
   return {};
 }
 
-/// Its daemon ended, and so would it have without saving: no reason not to start.
+/// Drops a saved scene that cannot be recovered: it would have ended with its daemon anyway, so
+/// that is no reason not to start.
 void Recovery::drop(u64 scene, Status because) {
   scenes_.erase(scene);
   ++recovered_.dropped;
@@ -124,7 +125,7 @@ void Recovery::drop(u64 scene, Status because) {
 Status Recovery::add_record(u64 id, const journal::Record& record,
                             const v1::Transaction* transaction) {
   const auto found = scenes_.find(record.scene());
-  if (found == scenes_.end()) return {};  // deleted since
+  if (found == scenes_.end()) return {};  // deleted by a later record
   Scene& scene = found->second;
   if (id <= scene.row.record()) return {};
   Log& log = scene.logs[record.session()];
@@ -195,7 +196,8 @@ Expected<Recovered> Recovery::finish() {
     }
     ++(scene.row.saved() ? recovered_.saved : recovered_.scenes);
   }
-  for (const auto& [name, owner] : owners_) (void)target_.tenants.named(name);  // has its limits
+  for (const auto& [name, owner] : owners_)
+    (void)target_.tenants.named(name);  // applies the tenant's limits
   return recovered_;
 }
 

@@ -1,4 +1,4 @@
-// What the journal holds becomes scenes again. Called once by the daemon's start.
+// Recovers scenes from the journal. Called once, when the daemon starts.
 #pragma once
 
 #include <map>
@@ -10,7 +10,7 @@
 
 namespace heliograph::server {
 
-/// What recovery fills, and where it takes room.
+/// Destination of recovery, and the budgets it charges.
 struct RecoveryTarget {
   Scenes& scenes;
   Tenants& tenants;
@@ -18,14 +18,15 @@ struct RecoveryTarget {
 struct Recovered {
   u64 scenes = 0;
   u64 records = 0;                    // applied after the snapshots
-  std::map<u64, TenantPtr> sessions;  // with edits that are kept, or with private scenes
-  std::set<u64> owners;               // of private scenes
-  u64 saved = 0;                      // scenes that were saved by the daemon before
-  u64 dropped = 0;                    // that were, and cannot be had
-  Status because;                     // why the last of these not
+  std::map<u64, TenantPtr> sessions;  // sessions with kept edits or private scenes
+  std::set<u64> owners;               // sessions with private scenes
+  u64 saved = 0;                      // scenes that the previous daemon saved
+  u64 dropped = 0;                    // saved scenes that could not be recovered
+  Status because;                     // reason of the last one dropped
 };
 
-/// Fails with INTERNAL, naming what is damaged, and RESOURCE_EXHAUSTED when a limit was lowered.
+/// Recovers all scenes. INTERNAL names what is damaged; RESOURCE_EXHAUSTED when a limit was
+/// lowered.
 [[nodiscard]] Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target);
 
 }  // namespace heliograph::server

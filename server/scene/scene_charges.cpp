@@ -1,5 +1,5 @@
-// See scene_charges.h. kEntityBytes is measured: what a hundred thousand entities add to the
-// process.
+// See scene_charges.h. kEntityBytes is measured: growth of the process by 100,000 entities, per
+// entity.
 #include "server/scene/scene_charges.h"
 
 #include <algorithm>
@@ -9,7 +9,7 @@ namespace {
 
 constexpr u64 kEntityBytes = 640;   // with a short name and a few short attributes
 constexpr u64 kSharedBytes = 1024;  // of a mesh, a material, a texture, a volume; with its name
-constexpr u64 kFewBytes = 128;      // that kEntityBytes covers
+constexpr u64 kFewBytes = 128;      // names and attributes that kEntityBytes covers
 
 u64 bytes_of(const Attributes& attributes) {
   u64 bytes = 0;
@@ -17,7 +17,7 @@ u64 bytes_of(const Attributes& attributes) {
   return bytes;
 }
 
-/// Of what an entity may have any number of bytes of; 0 where they are few.
+/// Returns the bytes of an entity's parts without a fixed size; 0 where kEntityBytes covers them.
 u64 bytes_of(const Entity& entity) {
   u64 bytes = 0;
   if (entity.name) bytes += entity.name->size();
@@ -31,12 +31,12 @@ u64 bytes_of(const Entity& entity) {
   return bytes > kFewBytes ? bytes : 0;
 }
 
-/// Whether a patch may change bytes_of() its entity.
+/// Returns true when a patch may change bytes_of() its entity.
 bool has_size(const PutEntity& patch) {
   return patch.attributes || patch.pose || patch.materials || patch.skin || patch.morph_weights;
 }
 
-/// Of chunks of rows that `now` does not share any more: they stay with the revision before.
+/// Returns the bytes of row chunks that `now` no longer shares: the earlier revision keeps them.
 template <class Rows>
 u64 replaced(const Rows& before, const Rows& now, u64 rows, u64 row_bytes) {
   constexpr u64 kRows = ChunkedArray<Entity>::kRows;
@@ -95,7 +95,7 @@ SceneCharges::Change SceneCharges::change_of(const Transaction& transaction,
     change.has_removed |= std::holds_alternative<Remove>(edit.action);
     further += count;
   }
-  std::ranges::sort(change.sizes);  // of one entity they are the same
+  std::ranges::sort(change.sizes);  // entries of one entity are equal
   const auto doubles = std::ranges::unique(change.sizes);
   change.sizes.erase(doubles.begin(), doubles.end());
   return change;
@@ -117,7 +117,7 @@ void SceneCharges::set_size(u64 entity, u64 size) {
     sizes_[entity] = size;
 }
 
-/// Returns how many bytes they had.
+/// Forgets removed entities; returns their bytes.
 u64 SceneCharges::forget_removed(const Snapshot& head) {
   const u64 before = size_;
   std::erase_if(sizes_, [&](const auto& entry) {
@@ -159,7 +159,7 @@ void SceneCharges::drop(Revision first, const Snapshot& last) {
     kept_.pop_back();
   }
   forget_removed(last);
-  // Less than was counted: this gives some back, or counts entities that came back.
+  // Less than was charged: gives some back, or charges entities that came back.
   [[maybe_unused]] const auto entities = entities_.resize(last.entities.count());
   [[maybe_unused]] const auto room = bytes_.resize(bytes(last));
 }

@@ -1,4 +1,4 @@
-// What a scene takes of its tenant's ledger. Owned by SceneEntry.
+// Charges of a scene to its tenant's ledger. Owned by SceneEntry.
 #pragma once
 
 #include <deque>
@@ -11,18 +11,18 @@
 
 namespace heliograph::server {
 
-/// Charges for a scene, its objects, their names, attributes, keys and the like, and what its older
-/// revisions keep besides. Arrays have charges of their own. Thread: one at a time.
+/// Charges for a scene: its objects with their names, attributes and keys, and what its older
+/// revisions keep beyond the head. Arrays have charges of their own. Thread: one at a time.
 class SceneCharges {
  public:
   [[nodiscard]] static Expected<SceneCharges> take(const Ledger& ledger, const Snapshot& first);
 
-  /// For a revision that was prepared from `before`. When that fails nothing changed.
+  /// Charges a revision prepared from `before`. Changes nothing on failure.
   [[nodiscard]] Status add(const Snapshot& before, const Transaction& transaction,
                            const Prepared& prepared);
-  /// Revisions from `first` on were dropped: `last` is the newest.
+  /// Releases the revisions from `first` on, which were dropped; `last` is the newest that remains.
   void drop(Revision first, const Snapshot& last);
-  /// Revisions up to this one are no longer kept.
+  /// Releases the revisions up to `last`, which are no longer kept.
   void forget(Revision last);
 
  private:
@@ -30,7 +30,7 @@ class SceneCharges {
     std::vector<std::pair<u64, u64>> sizes;  // entity, bytes
     bool has_removed = false;
   };
-  /// Replaced by a revision; the one before it keeps it.
+  /// Bytes that a replaced revision keeps alive.
   struct Kept {
     Revision by = 0;
     u64 bytes = 0;
@@ -45,10 +45,10 @@ class SceneCharges {
   Charge scene_;
   Charge entities_;
   Charge bytes_;
-  std::unordered_map<u64, u64> sizes_;  // of entities, beyond what each counts in any case
-  u64 size_ = 0;                        // their sum
-  std::deque<Kept> kept_;               // the oldest first
-  u64 kept_bytes_ = 0;                  // their sum
+  std::unordered_map<u64, u64> sizes_;  // by entity: bytes beyond kEntityBytes
+  u64 size_ = 0;                        // sum of sizes_
+  std::deque<Kept> kept_;               // oldest first
+  u64 kept_bytes_ = 0;                  // sum of kept_
 };
 
 }  // namespace heliograph::server

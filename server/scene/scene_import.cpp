@@ -34,13 +34,13 @@ Status SceneImport::begin(v1::SceneChunk::Header header) {
 Status SceneImport::advance() {
   while (left_ == 0) {
     if (incoming_) {
-      HELIO_CHECK(holdings_.finish(upload_of(blob_ - 1), std::move(*incoming_)),
+      HELIO_CHECK(arrays_.finish(upload_of(blob_ - 1), std::move(*incoming_)),
                   indexed("header.blobs", blob_ - 1));
       incoming_.reset();
     }
     if (blob_ == std::size_t(header_->blobs_size())) return {};
     const v1::UploadBlobRequest upload = upload_of(blob_);
-    HELIO_TAKE(incoming_, holdings_.begin(upload), indexed("header.blobs", blob_));
+    HELIO_TAKE(incoming_, arrays_.begin(upload), indexed("header.blobs", blob_));
     left_ = upload.size();
     ++blob_;
   }
@@ -104,7 +104,7 @@ Expected<ImportedScene> SceneImport::finish() {
                       .request_id = header_->request_id(),
                       .name = header_->name(),
                       .lifetime = header_->lifetime()};
-  auto description = to_description(std::move(*header_), holdings_);
+  auto description = to_description(std::move(*header_), arrays_);
   if (!description) return std::unexpected(std::move(description).error().at("header"));
   scene.description = std::move(*description);
   return scene;

@@ -1,11 +1,11 @@
-// A scene file on its way in. Called by ImportScene.
+// Assembles an imported scene file. Called by ImportScene.
 #pragma once
 
 #include <optional>
 #include <string>
 
 #include "server/convert/export.h"
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 
 namespace heliograph::server {
 
@@ -16,33 +16,34 @@ struct ImportedScene {
   v1::Lifetime lifetime = v1::LIFETIME_UNSPECIFIED;
 };
 
-/// The chunks of a scene file on their way in. Blobs are checked against their hashes and held by
-/// the session. Thread: one at a time; the holdings outlive it.
+/// Assembles the chunks of a scene file. Checks blobs against their hashes; the session keeps them.
+/// Thread: one at a time; the arrays outlive it.
 class SceneImport {
  public:
   /// header   charge of the owner's bytes, for a header in chunks
-  explicit SceneImport(Holdings& holdings, Charge header = {})
-      : holdings_(holdings), header_charge_(std::move(header)) {}
-  /// INVALID_ARGUMENT (out of order, not this format, not what a hash names), RESOURCE_EXHAUSTED.
+  explicit SceneImport(SessionArrays& arrays, Charge header = {})
+      : arrays_(arrays), header_charge_(std::move(header)) {}
+  /// Appends a chunk. INVALID_ARGUMENT (out of order, another format, a blob of another hash),
+  /// RESOURCE_EXHAUSTED.
   [[nodiscard]] Status append(const v1::SceneChunk& chunk);
-  /// The scene, when all has come.
+  /// Returns the scene once all chunks have arrived.
   [[nodiscard]] Expected<ImportedScene> finish();
 
  private:
   [[nodiscard]] Status begin(v1::SceneChunk::Header header);
   [[nodiscard]] Status parse_header();
   [[nodiscard]] Status append_blob(std::string_view bytes);
-  /// Ends the blob that is complete and begins the next one; blobs of no bytes too.
+  /// Finishes the complete blob and begins the next one, empty blobs too.
   [[nodiscard]] Status advance();
   [[nodiscard]] v1::UploadBlobRequest upload_of(std::size_t blob) const;
 
-  Holdings& holdings_;
+  SessionArrays& arrays_;
   std::string header_bytes_;
   Charge header_charge_;
   std::optional<v1::SceneChunk::Header> header_;
   std::size_t blob_ = 0;
-  u64 left_ = 0;                      // bytes of the present blob to come
-  std::optional<Incoming> incoming_;  // nullopt: the present blob is here already
+  u64 left_ = 0;                      // bytes missing from the current blob
+  std::optional<Incoming> incoming_;  // nullopt: the current blob is known already
 };
 
 }  // namespace heliograph::server

@@ -7,11 +7,11 @@
 namespace heliograph::server {
 
 [[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session);
-/// The reply to a call that made a scene, now or when it came the first time: the scene as it is.
+/// Updates a stored reply to a call that made a scene, to the scene as it is now.
 void bring_up_to_date(Scenes& scenes, const Session& session, v1::SceneInfo& info);
-/// The acknowledgement of an edit.
+/// Returns the acknowledgement of an edit.
 [[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared);
-/// What Watch tells of it. `sent`: the transaction, serialised.
+/// Returns the event of a transaction for Watch. sent: the transaction, serialised.
 [[nodiscard]] SceneEvents::Event event_of(std::string_view sent, const Prepared& prepared);
 
 }  // namespace heliograph::server

@@ -14,14 +14,14 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::size_t kNameBytes = 1024;
-constexpr u32 kManyEntities = 4096;  // of a scene whose old revisions are freed aside
+constexpr u32 kManyEntities = 4096;  // entities from which old revisions are freed in the pool
 
 std::unexpected<Error> not_found(u64 id) {
   return fail(Code::kNotFound, "scene",
               fmt::format("there is no scene {}; it was deleted, or its session ended", id));
 }
 
-/// Of its own; what a snapshot says of it is not there.
+/// Returns a scene's row; fields that its snapshot provides are left empty.
 journal::SceneRow row_of(const SceneEntry& entry) {
   journal::SceneRow row;
   row.set_scene(entry.id);
@@ -59,7 +59,7 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
     if (!prepared) return prepared;
     publish(*prepared, events->is_kept() ? event_of(sent.SerializeAsString(), *prepared) : nullptr);
   }
-  tell(prepared->snapshot->revision);
+  notify(prepared->snapshot->revision);
   return prepared;
 }
 
@@ -70,8 +70,8 @@ void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
   if (prepared.snapshot->entities.capacity() >= kManyEntities) free_aside(std::move(forgotten));
 }
 
-/// Those of one publication at a time, so that they do not pile up. Others are freed here, and so
-/// are these when the pool is full.
+/// Frees forgotten revisions in the pool, those of one publication at a time so that they do not
+/// pile up; the others here, and all here when the pool is full.
 void SceneEntry::free_aside(std::vector<std::shared_ptr<const Snapshot>> forgotten) {
   if (forgotten.empty() || is_freeing_->exchange(true)) return;
   const auto posted =
@@ -84,30 +84,30 @@ void SceneEntry::free_aside(std::vector<std::shared_ptr<const Snapshot>> forgott
 
 std::shared_ptr<SceneEvents> SceneEntry::watched() {
   if (!events->is_kept()) {
-    const std::lock_guard lock(commit_mutex_);  // no commit is half done
+    const std::lock_guard lock(commit_mutex_);  // no commit is in progress
     events->keep();
   }
   return events;
 }
 
-SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> told) {
-  auto watch = std::make_shared<const std::function<void(Revision)>>(std::move(told));
+SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> on_revision) {
+  auto watch = std::make_shared<const std::function<void(Revision)>>(std::move(on_revision));
   const std::lock_guard lock(mutex_);
   std::erase_if(watches_, [](const auto& other) { return other.expired(); });
   watches_.push_back(watch);
   return watch;
 }
 
-void SceneEntry::tell(Revision revision) {
+void SceneEntry::notify(Revision revision) {
   if (has_bug("drop_watch_event") && revision % 8 == 0) return;
-  std::vector<Watch> told;
+  std::vector<Watch> watches;
   {
     const std::lock_guard lock(mutex_);
     std::erase_if(watches_, [](const auto& watch) { return watch.expired(); });
     for (const auto& watch : watches_)
-      if (auto found = watch.lock()) told.push_back(std::move(found));
+      if (auto found = watch.lock()) watches.push_back(std::move(found));
   }
-  for (const Watch& watch : told) (*watch)(revision);
+  for (const Watch& watch : watches) (*watch)(revision);
 }
 
 void Scenes::use(Journal& journal) { journal_ = &journal; }
@@ -118,11 +118,13 @@ Status Scenes::check_lifetime(v1::Lifetime lifetime) const {
               "this daemon has no state directory; start it with --state-dir DIR");
 }
 
-/// Says nothing of other scenes, and is not met again by chance. 53 bits: a number of JavaScript's.
+/// Returns a random id: it reveals nothing about other scenes, and does not recur by chance. 53
+/// bits, to fit a JavaScript number.
 u64 Scenes::new_id() const {
   u64 id = 0;
   while (id == 0 || scenes_.contains(id)) {
-    [[maybe_unused]] const auto size = ::getrandom(&id, sizeof id, 0);  // of 8 bytes, always whole
+    [[maybe_unused]] const auto size =
+        ::getrandom(&id, sizeof id, 0);  // 8 bytes are never cut short
     id >>= 11;
   }
   return id;
@@ -152,7 +154,7 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   if (scene.name.size() > kNameBytes)
     return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
   HELIO_TRY(check_lifetime(scene.lifetime));
-  const auto change = changes_.begin();
+  const auto change = write_barrier_.begin();
   if (!change) return std::unexpected(change.error());
   const v1::Lifetime lifetime = or_default(scene.lifetime);
   SceneEntry::Identity identity{.name = std::move(scene.name),
@@ -165,7 +167,7 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
                                             .method = std::move(scene.method)}};
   auto entry = add(std::move(identity), scene.first);
   if (!entry) return entry;
-  if (auto open = check_open(session); !open) {  // one that ends later frees it
+  if (auto open = check_open(session); !open) {  // a session that ends later frees it
     const std::lock_guard lock(mutex_);
     scenes_.erase((*entry)->id);
     return std::unexpected(std::move(open).error());
@@ -178,7 +180,7 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
       return std::unexpected(std::move(added).error());
     }
   }
-  (*entry)->is_there_ = true;
+  (*entry)->is_published_ = true;
   return entry;
 }
 
@@ -196,7 +198,7 @@ Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
                    std::move(state.head));
   if (!entry) return std::unexpected(std::move(entry).error());
   for (LogState& log : state.logs) edits(**entry, log.session)->restore(std::move(log.edits));
-  (*entry)->is_there_ = true;
+  (*entry)->is_published_ = true;
   return {};
 }
 
@@ -227,10 +229,10 @@ SceneState Scenes::state_of(SceneEntry& entry) {
 }
 
 std::vector<SceneState> Scenes::capture_last() {
-  changes_.stop();
+  write_barrier_.stop();
   std::vector<SceneState> states;
   for (const ScenePtr& entry : all())
-    if (!entry->journal && entry->is_there_) states.push_back(state_of(*entry));
+    if (!entry->journal && entry->is_published_) states.push_back(state_of(*entry));
   return states;
 }
 
@@ -244,7 +246,7 @@ ScenePtr Scenes::named(const std::string& name, const Tenant& tenant) const {
 Expected<ScenePtr> Scenes::find(u64 id, const Session& session) const {
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);
-  if (found == scenes_.end() || !found->second->is_there_ || !found->second->seen_by(session))
+  if (found == scenes_.end() || !found->second->is_published_ || !found->second->seen_by(session))
     return not_found(id);
   return found->second;
 }
@@ -252,13 +254,13 @@ Expected<ScenePtr> Scenes::find(u64 id, const Session& session) const {
 Expected<ScenePtr> Scenes::open(const std::string& name, const Session& session) const {
   const std::lock_guard lock(mutex_);
   if (auto scene = name.empty() ? nullptr : named(name, *session.tenant());
-      scene && scene->is_there_)
+      scene && scene->is_published_)
     return scene;
   Error error{.code = Code::kNotFound,
               .message = "there is no scene '" + name + "'; create_scene makes it",
               .where = "name"};
   for (const auto& [id, scene] : scenes_)
-    if (!scene->name.empty() && scene->is_there_ && scene->seen_by(session) &&
+    if (!scene->name.empty() && scene->is_published_ && scene->seen_by(session) &&
         error.nearest.size() < 8)
       error.nearest.push_back(scene->name);
   return std::unexpected(std::move(error));
@@ -268,7 +270,7 @@ std::vector<ScenePtr> Scenes::list(const Session& session) const {
   std::vector<ScenePtr> seen;
   const std::lock_guard lock(mutex_);
   for (const auto& [id, scene] : scenes_)
-    if (scene->is_there_ && scene->seen_by(session)) seen.push_back(scene);
+    if (scene->is_published_ && scene->seen_by(session)) seen.push_back(scene);
   std::ranges::sort(seen, {}, [](const ScenePtr& scene) { return scene->number; });
   return seen;
 }
@@ -283,7 +285,7 @@ std::vector<ScenePtr> Scenes::all() const {
 Status Scenes::remove(u64 id, const Session& session) {
   auto removed = find(id, session);
   if (!removed) return std::unexpected(removed.error());
-  const auto change = changes_.begin();
+  const auto change = write_barrier_.begin();
   if (!change) return std::unexpected(change.error());
   if ((*removed)->journal) HELIO_TRY((*removed)->journal->remove(id, (*removed)->tenant->name));
   {
@@ -319,7 +321,7 @@ void Scenes::free_later(std::vector<ScenePtr> scenes) {
   if (scenes.empty()) return;
   if (has_bug("leak_scene")) new std::vector<ScenePtr>(scenes);
   auto held = std::make_shared<std::vector<ScenePtr>>(std::move(scenes));
-  // When the pool is full they are freed here, at the end of this function.
+  // When the pool is full they are freed here, as this function returns.
   [[maybe_unused]] const auto posted = pool_.post(WorkPool::kDaemon, [held] { held->clear(); });
 }
 

@@ -1,4 +1,4 @@
-// The directory of scenes: names, private and shared ones, branches, and each session's edits.
+// Directory of scenes: names, private and shared scenes, branches, and each session's edits.
 #pragma once
 
 #include <atomic>
@@ -12,8 +12,8 @@
 
 #include "renderer/scene/scene.h"
 #include "server/journal/journal.h"
-#include "server/scene/changes.h"
 #include "server/scene/scene_charges.h"
+#include "server/scene/write_barrier.h"
 #include "server/session/request_log.h"
 #include "server/session/session.h"
 #include "server/store/scene_events.h"
@@ -22,14 +22,14 @@ namespace heliograph::server {
 
 /// An edit of a durable scene on its way into the journal.
 struct DurableEdit {
-  Expected<Transaction> transaction;  // or why it was refused before it was applied
+  Expected<Transaction> transaction;  // or the reason why it was refused before it was applied
   std::optional<Revision> expected;
   journal::Record record;  // session, number, and the transaction, or the file that holds it
   std::string sent;        // the transaction, where a file holds it
   std::vector<BlobFilePtr> files;
 };
 
-/// A scene and who may see it. Thread: any.
+/// A scene and its access rights. Thread: any.
 class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
  public:
   /// The call that made it.
@@ -67,30 +67,30 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
 
   const u64 id;
   const std::string name;  // "": anonymous
-  const u64 owner;         // the session that it dies with; 0: none
+  const u64 owner;         // session whose end deletes it; 0: none
   const TenantPtr tenant;
   const v1::Lifetime lifetime;
   Journal* const journal;  // of a durable scene
   const Origin made_by;
-  const u64 number;  // grows in the order in which its tenant's scenes were made, or came back
+  const u64 number;  // increasing in order of creation or recovery, per tenant
   const std::shared_ptr<SceneEvents> events;
   Scene scene;
 
-  /// A token of interest: while it is held, `told` is called with each new revision, from the
-  /// thread that published it; it must be quick.
+  /// A subscription: while it is held, `on_revision` is called with each new revision, from the
+  /// thread that published it. It must not block.
   using Watch = std::shared_ptr<const std::function<void(Revision)>>;
-  [[nodiscard]] Watch watch(std::function<void(Revision)> told);
+  [[nodiscard]] Watch watch(std::function<void(Revision)> on_revision);
 
-  /// Its events, which are kept from now on at the latest.
+  /// Returns its events, and keeps them from now on.
   [[nodiscard]] std::shared_ptr<SceneEvents> watched();
 
-  /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
-  /// sent: the transaction as it came.
+  /// Prepares and publishes a transaction; serialised among the sessions that edit the scene. sent:
+  /// the transaction as received.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
                                           std::optional<Revision> expected,
                                           const v1::Transaction& sent);
-  /// The same for a durable scene: journals what became of the transaction (or why it was refused
-  /// before), and publishes once that is committed. `finish` is called once, from any thread.
+  /// The same for a durable scene: journals the outcome (or the earlier refusal), and publishes
+  /// once that is committed. `finish` is called once, from any thread.
   void commit(DurableEdit edit, const EditLog::Finish& finish);
   /// Access is by tenant, not by session: forked and unpickled clients work on their parent's
   /// scenes.
@@ -98,7 +98,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
 
  private:
   friend class Scenes;
-  void tell(Revision revision);
+  void notify(Revision revision);
   [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
                                            std::optional<Revision> expected);
   void drop_pending(Revision first);
@@ -109,8 +109,8 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   WorkPool& pool_;
   const std::shared_ptr<std::atomic<bool>> is_freeing_ = std::make_shared<std::atomic<bool>>(false);
   std::mutex commit_mutex_;
-  SceneCharges charges_;                // guarded by commit_mutex_
-  std::atomic<bool> is_there_ = false;  // found by its id and its name
+  SceneCharges charges_;                    // guarded by commit_mutex_
+  std::atomic<bool> is_published_ = false;  // can be found by id and name
   std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
   std::vector<std::weak_ptr<const std::function<void(Revision)>>> watches_;
@@ -121,51 +121,51 @@ struct NewScene {
   std::string name;
   v1::Lifetime lifetime = v1::LIFETIME_UNSPECIFIED;
   std::shared_ptr<const Snapshot> first;
-  std::string request_id = {};  // by which call
+  std::string request_id = {};  // request_id of the call that made it
   std::string method = {};
 };
 
-/// Thread: any. A name is unique among the scenes that a session sees; what it does not see is
-/// answered like what is not there.
+/// The directory. A name is unique among a tenant's scenes; a scene that a session may not see is
+/// answered like a missing one. Thread: any.
 class Scenes {
  public:
   struct Options {
     SceneLimits scene;
     ReplyLimits replies;
-    u32 queue = 64;  // edits of one session and scene that may wait
+    u32 queue = 64;  // waiting edits per session and scene
     EventLimits events;
   };
   Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
-  /// From now on scenes may be durable.
+  /// Allows durable scenes from now on.
   void use(Journal& journal);
 
-  /// A durable scene is there once it is journaled, which takes milliseconds.
+  /// Creates a scene. A durable one is journaled first, which takes milliseconds.
   [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
-  /// A durable scene as it was, or one that was saved, with the edit logs of its sessions.
+  /// Restores a durable or saved scene with the edit logs of its sessions.
   [[nodiscard]] Status restore(SceneState state, const TenantPtr& tenant);
-  /// Of a scene of this owner that is at `head`, none kept so far.
+  /// Makes the events of a scene of this owner at `head`; none are kept yet.
   [[nodiscard]] std::shared_ptr<SceneEvents> make_events(const Tenant& tenant, Revision head) const;
   [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
   [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
-  /// The oldest first.
+  /// Returns the scenes that a session sees, oldest first.
   [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;
-  /// Every tenant's.
+  /// Returns the scenes of all tenants.
   [[nodiscard]] std::vector<ScenePtr> all() const;
   [[nodiscard]] Status remove(u64 id, const Session& session);
-  /// Frees the session's private scenes and edit logs; the memory goes on the work pool.
+  /// Frees the session's private scenes and edit logs, in the work pool.
   void end_session(u64 session);
-  /// Frees the session's private scenes alone.
+  /// Frees the session's private scenes only.
   void free_private(u64 session);
   [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
-  /// The number this session's next edit must carry.
+  /// Returns the number that this session's next edit must carry.
   [[nodiscard]] u64 next_edit(SceneEntry& scene, u64 session) const;
-  /// What the journal keeps of these scenes.
+  /// Returns the journaled state of these scenes.
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes) const;
-  /// Of scenes that are not durable, which nothing changes from now on; all that was acknowledged
-  /// is in it.
+  /// Returns the final state of scenes that are not durable: ends all writes to them first, so that
+  /// everything acknowledged is included.
   [[nodiscard]] std::vector<SceneState> capture_last();
-  [[nodiscard]] Changes& changes() { return changes_; }
-  /// How many of a session's replies are kept.
+  [[nodiscard]] WriteBarrier& write_barrier() { return write_barrier_; }
+  /// Returns how many of a session's replies are kept.
   [[nodiscard]] u64 replies() const { return options_.replies.replies; }
   [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
 
@@ -180,13 +180,13 @@ class Scenes {
 
   WorkPool& pool_;
   const Options options_;
-  Journal* journal_ = nullptr;  // set before calls come
-  Changes changes_;
+  Journal* journal_ = nullptr;  // set before the first call
+  WriteBarrier write_barrier_;
   mutable std::mutex mutex_;
   std::map<u64, ScenePtr> scenes_;
 };
 
-/// The revision asked for, or the head.
+/// Returns the requested revision, or the head.
 [[nodiscard]] Expected<std::shared_ptr<const Snapshot>> snapshot_at(
     const SceneEntry& scene, std::optional<Revision> revision);
 

@@ -20,7 +20,7 @@ std::string_view metadata(const grpc::CallbackServerContext& context, const char
                             : std::string_view(found->second.data(), found->second.size());
 }
 
-/// The views live as long as the context.
+/// Returns the caller's identity; its views live as long as the context.
 Caller caller_of(const grpc::CallbackServerContext& context) {
   Caller caller{.is_local = context.peer().starts_with("unix:")};
   caller.token = token_of(metadata(context, "authorization"));
@@ -33,7 +33,7 @@ Caller caller_of(const grpc::CallbackServerContext& context) {
 Status Call::charge(u64 request_bytes) {
   auto taken = Charge::take(tenant_->ledger.bytes, charged(request_bytes));
   if (!taken) {
-    taken.error().retry_seconds = kBusySeconds;  // others' requests end
+    taken.error().retry_seconds = kBusySeconds;  // until other requests have ended
     return std::unexpected(std::move(taken).error());
   }
   request_ = std::move(*taken);

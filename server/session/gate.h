@@ -1,4 +1,4 @@
-// What every call passes first: identity, session, limits, drain. Called by rpc.h only.
+// Admission of every call: identity, session, limits, drain. Called by rpc.h and quick_calls.cpp.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -13,28 +13,29 @@
 
 namespace heliograph::server {
 
-/// A call that was let in; counted until it is destroyed. The gate alone makes one, and without one
-/// there is no session, and so no scene.
+/// An admitted call, counted until it is destroyed. Only the gate makes one, and a session, and so
+/// a scene, is reached only through one.
 class Call {
  public:
   Call(Call&&) = default;
   Call& operator=(Call&&) = delete;
   ~Call() {
-    if (session_ && !is_answered_) session_->end_call();
+    if (session_ && !is_slot_released_) session_->end_call();
     if (active_) --*active_;
   }
 
-  /// Who makes it.
+  /// Returns the tenant that makes the call.
   [[nodiscard]] const TenantPtr& tenant() const { return tenant_; }
-  /// Never null where the call needs a session; one of the tenant's.
+  /// Returns the session, one of the tenant's; null only where the call needs none.
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return session_; }
-  /// Charges its request to its tenant until it is destroyed. RESOURCE_EXHAUSTED with a retry time.
+  /// Charges the request's bytes to the tenant until the call is destroyed. RESOURCE_EXHAUSTED with
+  /// a retry time.
   [[nodiscard]] Status charge(u64 request_bytes);
-  /// Its answer is about to go, after which the session may make another in its place; at most
-  /// once.
-  void answered() {
+  /// Frees the session's slot of this call, as its reply is about to be sent: the client may make
+  /// its next call before this one is destroyed. At most once.
+  void release_slot() {
     if (session_) session_->end_call();
-    is_answered_ = true;
+    is_slot_released_ = true;
   }
 
  private:
@@ -49,16 +50,16 @@ class Call {
   std::shared_ptr<Session> session_;
   std::shared_ptr<std::atomic<u32>> active_;
   Charge request_;
-  bool is_answered_ = false;
+  bool is_slot_released_ = false;
 };
 
-/// The names of the certificate at the other end: its subject's alternative names, or its common
-/// name where it has none; none without TLS. They live as long as the context.
+/// Returns the names of the peer's certificate: its subject alternative names, or its common name
+/// where it has none; none without TLS. The views live as long as the context.
 [[nodiscard]] std::vector<std::string_view> names_of(const grpc::AuthContext& context);
-/// The token of an authorization header; "": it has none.
+/// Returns the token of an authorization header; "": it has none.
 [[nodiscard]] std::string_view token_of(std::string_view header);
 
-/// Who a call says it is from, for later than its context lives.
+/// Identity of a call's maker, copied so that it outlives the call's context.
 struct Credentials {
   bool is_local = false;
   std::string token;
@@ -70,36 +71,36 @@ struct Credentials {
   }
 };
 
-/// What a call needs to be let in.
+/// What a call requires to be admitted.
 enum class Needs {
-  kNothing,     // but an identity
-  kNewSession,  // it opens one: not while the daemon drains
+  kNothing,     // an identity only
+  kNewSession,  // opens a session: refused while the daemon drains
   kSession,
-  kSessionAlways,  // also while the daemon drains; not counted as work
+  kSessionEvenDraining,  // admitted while the daemon drains too; not counted in active()
 };
 
-/// Thread: any.
+/// Admits calls. Thread: any.
 class Gate {
  public:
   Gate(const Tenants& tenants, Sessions& sessions) : tenants_(tenants), sessions_(sessions) {}
 
-  /// UNAUTHENTICATED (identity, or no session of this tenant), UNAVAILABLE (draining),
-  /// RESOURCE_EXHAUSTED (too many calls).
+  /// Admits a call that came by gRPC. UNAUTHENTICATED (identity, or no session of this tenant),
+  /// UNAVAILABLE (draining), RESOURCE_EXHAUSTED (too many calls).
   [[nodiscard]] Expected<Call> admit(const grpc::CallbackServerContext& context, Needs needs);
-  /// The same for a call of a session that does not come by gRPC.
+  /// Admits a call of a session that did not come by gRPC. Errors as above.
   [[nodiscard]] Expected<Call> admit(const Caller& caller, u64 session);
 
-  /// Whether these are of a tenant still: tokens and certificates are withdrawn while calls run.
-  /// UNAUTHENTICATED.
+  /// Checks that credentials still belong to a tenant: tokens and certificates are withdrawn while
+  /// calls run. UNAUTHENTICATED.
   [[nodiscard]] Status check(const Credentials& credentials, const TenantPtr& tenant) const;
 
-  /// From now on new work is refused.
+  /// Refuses new work from now on.
   void close() { is_closed_ = true; }
   [[nodiscard]] bool is_closed() const { return is_closed_; }
-  /// Threads of gRPC that begin a call.
+  /// Returns the start times of calls that a gRPC thread is beginning.
   [[nodiscard]] BusyTimes& reactions() { return reactions_; }
   [[nodiscard]] const BusyTimes& reactions() const { return reactions_; }
-  /// Calls in flight, without KeepSession.
+  /// Returns the number of calls in flight, without kSessionEvenDraining.
   [[nodiscard]] u32 active() const { return *active_; }
 
  private:

@@ -1,4 +1,4 @@
-// Calls with a request_id: done once, answered again from memory.
+// Calls with a request_id: executed once, answered again from memory.
 #pragma once
 
 #include <string>

@@ -25,7 +25,7 @@ std::string why_not(u64 number, u64 next) {
       next);
 }
 
-/// To a number that is neither the next one nor one whose reply is kept.
+/// Returns the refusal of a number that is neither the next one nor one with a kept reply.
 EditLog::Reply refused(u64 number, u64 next) {
   Error error{.code = number == 0 ? Code::kInvalidArgument : Code::kAborted,
               .message = why_not(number, next),

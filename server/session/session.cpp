@@ -1,4 +1,4 @@
-// Opening, carrying and ending sessions. Called by the gate, OpenSession and the local channel.
+// Opening, attaching to and ending sessions. Called by the gate, OpenSession and the local channel.
 #include "server/session/session.h"
 
 #include <fmt/format.h>
@@ -7,9 +7,9 @@
 namespace heliograph::server {
 namespace {
 
-constexpr double kFirstCarrierSeconds = 5;  // between OpenSession and KeepSession
-constexpr double kRestartSeconds = 1;       // until another daemon may be there
-constexpr double kHangUpSeconds = 0.1;      // until the end of a carrier is seen
+constexpr double kFirstAttachmentSeconds = 5;  // between OpenSession and KeepSession
+constexpr double kRestartSeconds = 1;          // until another daemon may be there
+constexpr double kHangUpSeconds = 0.1;         // until a hang-up is noticed
 
 std::unexpected<Error> not_resumed() {
   return fail(Code::kNotFound, "resume",
@@ -17,7 +17,7 @@ std::unexpected<Error> not_resumed() {
               "the last edits");
 }
 
-std::unexpected<Error> carried() {
+std::unexpected<Error> still_attached() {
   return std::unexpected(Error{.code = Code::kUnavailable,
                                .message = "this session is open and something carries it; use it, "
                                           "or retry when that connection has ended",
@@ -36,7 +36,7 @@ std::unexpected<Error> shutting_down() {
             .retry_seconds = kRestartSeconds});
 }
 
-Status Session::told(Status status) const {
+Status Session::with_shutdown_reason(Status status) const {
   if (!status && status.error().code == Code::kCancelled && is_shut_down_) return shutting_down();
   return status;
 }
@@ -92,7 +92,7 @@ void Sessions::hold(const std::set<u64>& sessions, std::function<void(u64)> gone
 
 EventLoop::Clock::duration Sessions::grace(bool is_first) const {
   const double seconds =
-      is_first ? std::max(kFirstCarrierSeconds, options_.grace_seconds) : options_.grace_seconds;
+      is_first ? std::max(kFirstAttachmentSeconds, options_.grace_seconds) : options_.grace_seconds;
   return std::chrono::duration_cast<EventLoop::Clock::duration>(
       std::chrono::duration<double>(seconds));
 }
@@ -125,16 +125,16 @@ Expected<u64> Sessions::new_id(const SessionOwner& owner) {
 
 Expected<std::shared_ptr<Session>> Sessions::take_up(const SessionOwner& owner) {
   std::shared_ptr<Session> session;
-  u64 loss = 0;
+  u64 epoch = 0;
   {
     const std::lock_guard lock(mutex_);
     const auto found = open_.find(owner.resume);
     if (found == open_.end() || found->second->tenant() != owner.tenant) return not_resumed();
     session = found->second;
-    if (session->carriers_ > 0) return carried();
-    loss = ++session->losses_;
+    if (session->attachments_ > 0) return still_attached();
+    epoch = ++session->detach_epoch_;
   }
-  start_grace(owner.resume, loss);
+  start_grace(owner.resume, epoch);
   return session;
 }
 
@@ -150,7 +150,8 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   session->counted_ = std::move(*counted);
   {
     const std::lock_guard lock(mutex_);
-    if (!open_.emplace(id, session).second) return carried();  // resumed meanwhile
+    if (!open_.emplace(id, session).second)
+      return still_attached();  // resumed by another call meanwhile
   }
   start_grace(id, 0);
   return session;
@@ -164,29 +165,29 @@ std::shared_ptr<Session> Sessions::find(u64 id) const {
 
 void Sessions::attach(u64 id) {
   const std::lock_guard lock(mutex_);
-  if (const auto found = open_.find(id); found != open_.end()) ++found->second->carriers_;
+  if (const auto found = open_.find(id); found != open_.end()) ++found->second->attachments_;
 }
 
 void Sessions::detach(u64 id) {
-  u64 loss = 0;
+  u64 epoch = 0;
   {
     const std::lock_guard lock(mutex_);
     const auto found = open_.find(id);
-    if (found == open_.end() || --found->second->carriers_ > 0) return;
-    loss = ++found->second->losses_;
+    if (found == open_.end() || --found->second->attachments_ > 0) return;
+    epoch = ++found->second->detach_epoch_;
   }
-  start_grace(id, loss);
+  start_grace(id, epoch);
 }
 
-void Sessions::start_grace(u64 id, u64 loss) {
-  loop_.post([this, id, loss, delay = grace(loss == 0)] {
-    loop_.after(delay, [this, id, loss] {
+void Sessions::start_grace(u64 id, u64 epoch) {
+  loop_.post([this, id, epoch, delay = grace(epoch == 0)] {
+    loop_.after(delay, [this, id, epoch] {
       const auto session = find(id);
       if (!session) return;
       bool is_over;
       {
         const std::lock_guard lock(mutex_);
-        is_over = session->carriers_ == 0 && session->losses_ == loss;
+        is_over = session->attachments_ == 0 && session->detach_epoch_ == epoch;
       }
       if (is_over) close(id);
     });

@@ -10,9 +10,9 @@ namespace {
 constexpr u64 kAlignment = 64;
 constexpr u64 kPage = 4096;
 constexpr u64 kSmallest = 1 << 20;  // bytes of an arena
-constexpr u64 kLargest = 64 << 20;  // but for one that a single frame fills
-// So many arenas, and one more for each half of a large one that may be in use: all that frames
-// ever need, unless uses of them are lost again and again.
+constexpr u64 kLargest = 64 << 20;  // unless a single frame needs more
+// Limit of a session's arenas, plus one per 32 MiB of its limit of shared bytes: enough for all
+// frames unless leases are lost again and again.
 constexpr u64 kArenas = 32;
 
 constexpr u64 round_up(u64 bytes, u64 step) { return (bytes + step - 1) / step * step; }
@@ -23,7 +23,7 @@ std::optional<u64> Arenas::take(Arena& arena, u64 bytes) {
   if (arena.is_retired) return std::nullopt;
   const auto offset = arena.free.take(bytes);
   if (!offset) return std::nullopt;
-  ++arena.uses;  // before room is made, which ends arenas without any
+  ++arena.uses;  // before room is made, which ends unused arenas
   const u64 end = round_up(*offset + bytes, kPage);
   const u64 charged = arena.charge.amount();
   if (end <= charged || room_.take(arena.charge, end - charged)) return offset;
@@ -130,7 +130,7 @@ std::shared_ptr<SealedMemory> Arenas::unmapped(u64 buffer) {
     end(arena, true);
     return memory;
   }
-  // Once: nobody is sent descriptors without end.
+  // Once per arena: a client cannot provoke descriptors without end.
   if (!std::exchange(arena->second.is_retired, true)) (void)room_.announce_again(buffer, *memory);
   return nullptr;
 }

@@ -1,5 +1,5 @@
-// Frames in the host's memory that a local client maps: ranges of a few large memfds, so that a
-// small frame costs neither a descriptor nor a mapping. Used by SharedFrames.
+// Frames in host memory that a local client maps: ranges of a few large memfds, so that a small
+// frame costs neither a descriptor nor a mapping. Used by SharedFrames.
 #pragma once
 
 #include <map>
@@ -12,30 +12,31 @@
 
 namespace heliograph::server {
 
-/// The arenas of one session. A new one is as large as all before it together, within bounds, or as
-/// one frame that needs more. What was handed out of it is charged, page by page.
+/// The arenas of one session. A new arena is as large as all earlier ones together, within bounds,
+/// or as the frame that needs it. Memory that was ever handed out is charged, page by page.
 ///
-/// A range is free again when the client has returned it and the daemon reads it no more. One that
-/// nobody will return is lost, since the client may look at it for ever: its arena is handed out no
-/// more, and ends with its last other use. Thread: its owner's mutex guards it.
+/// A range is free once the client has returned it and the daemon has stopped reading it. A range
+/// that will never be returned is lost, since the client may read it for ever: its arena is
+/// retired, and ends with its last other lease. Thread: guarded by its owner's mutex.
 class Arenas {
  public:
   explicit Arenas(SharedRoom& room) : room_(room) {}
 
-  /// Aligned to 64 bytes; none where there is no room, or the socket takes nothing.
+  /// Leases a range, aligned to 64 bytes. None when there is no room, or the socket accepts
+  /// nothing.
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call);
-  /// The client returns it. What names no use is ignored.
+  /// Ends the client's use of a lease. Ignores an unknown generation.
   void give_back(u64 buffer, u64 generation);
-  /// The daemon neither reads nor writes it any more, and has sent it, or never will.
+  /// Ends the daemon's use of a lease. is_sent: the client has it and will return it.
   void let_be(u64 generation, bool is_sent);
-  /// Nobody can tell when it is over; false: it is no use of an arena.
+  /// Marks a lease as lost. False: no lease of an arena has this generation.
   bool lose(u64 generation);
-  /// The same for those of a call, whose number came before them.
+  /// Marks all leases of a call as lost.
   void abandon(u64 call);
-  /// The client maps a buffer no more: it is announced again if something of it may still be on its
-  /// way, else it ends. What is to be freed then, or null.
+  /// The client has unmapped an arena. It is announced again if a range of it may still be in
+  /// flight to the client, else it ends. Returns the memory to free, or null.
   [[nodiscard]] std::shared_ptr<SealedMemory> unmapped(u64 buffer);
-  /// Ends an arena that nobody uses; false: there is none.
+  /// Ends an unused arena; false: there is none.
   bool let_go();
   [[nodiscard]] std::size_t uses() const { return uses_.size(); }
 
@@ -43,10 +44,10 @@ class Arenas {
   struct Arena {
     std::shared_ptr<SealedMemory> memory;
     Ranges free;
-    Charge charge;  // of the bytes up to the last that was ever in use
+    Charge charge;  // up to the end of the last page ever in use
     Charge descriptor;
     u64 uses = 0;
-    bool is_retired = false;  // handed out no more
+    bool is_retired = false;  // gives no further leases
   };
   struct Use {
     u64 arena = 0;
@@ -56,8 +57,8 @@ class Arenas {
     bool is_the_daemons = true;
     bool is_the_clients = true;
   };
-  using Places = std::map<u64, Arena>;  // by number, the oldest first
-  using Uses = std::map<u64, Use>;      // by generation, the oldest first
+  using Places = std::map<u64, Arena>;  // by number, oldest first
+  using Uses = std::map<u64, Use>;      // by generation, oldest first
 
   [[nodiscard]] std::optional<u64> take(Arena& arena, u64 bytes);
   [[nodiscard]] Places::iterator make(u64 bytes);

@@ -1,4 +1,4 @@
-// Files of the daemon's own machine, for DecodeAsset's server_path: only beneath one folder.
+// Files on the daemon's machine, for DecodeAsset's server_path: only beneath one folder.
 #pragma once
 
 #include <string>
@@ -9,24 +9,24 @@
 
 namespace heliograph::server {
 
-/// An open file, of which nothing was read yet. A file with holes has its whole size.
+/// An open file, not read yet. The size of a sparse file includes its holes.
 struct AssetFile {
   UniqueFd fd;
   u64 size = 0;
 
-  /// All of it. UNAVAILABLE when it became shorter.
+  /// Reads the whole file. UNAVAILABLE when it became shorter.
   [[nodiscard]] Expected<BufferPtr> read() const;
 };
 
-/// Thread: any.
+/// The folder of --asset-root. Thread: any.
 class AssetRoot {
  public:
   AssetRoot() = default;  // refuses everything
   [[nodiscard]] static Expected<AssetRoot> open(const std::string& folder);
 
-  /// Opens a regular file. Links of any kind, devices, pipes and paths that lead out of the folder
-  /// are NOT_FOUND in the same words as a file that is not there; too large is RESOURCE_EXHAUSTED;
-  /// without a root, PERMISSION_DENIED.
+  /// Opens a regular file of at most `max_bytes`. Links of any kind, devices, pipes and paths that
+  /// leave the folder are NOT_FOUND with the same message as a missing file; a larger file is
+  /// RESOURCE_EXHAUSTED; without a root, PERMISSION_DENIED.
   [[nodiscard]] Expected<AssetFile> find(const std::string& path, u64 max_bytes) const;
 
  private:

@@ -17,18 +17,17 @@ namespace heliograph::server {
 /// A decoded bundle: a model, or a lone picture whose texels are a blob.
 struct StoredAsset {
   std::shared_ptr<const Asset> asset;  // null for a picture
-  BufferPtr texels;                    // of a picture
+  BufferPtr texels;                    // texels of a picture
   v1::AssetInfo info;
-  u64 bytes = 0;  // that it keeps alive; its arrays' charge is with them
+  u64 bytes = 0;  // that it keeps alive; charged by its arrays
 };
 
-/// The assets alive, by hash. It owns none: sessions do.
-/// Thread: any; one mutex, held for a look-up.
+/// The live assets by hash. Owns none: sessions do. Thread: any; one mutex, held for a lookup.
 class AssetStore {
  public:
-  /// The asset of this hash, or null.
+  /// Returns the asset of this hash, or null.
   [[nodiscard]] std::shared_ptr<const StoredAsset> find(std::string_view hash) const;
-  /// The one that stands for this hash from now on: `asset`, or one that was there before.
+  /// Adds an asset, unless one of its hash is alive. Returns the one that is kept.
   [[nodiscard]] std::shared_ptr<const StoredAsset> put(std::shared_ptr<const StoredAsset> asset);
 
  private:
@@ -36,8 +35,8 @@ class AssetStore {
   std::map<std::string, std::weak_ptr<const StoredAsset>, std::less<>> assets_;
 };
 
-/// Names what a request decodes to: its files' paths and hashes and its options. `server_path` does
-/// not count, so the caller lists the files it read instead.
+/// Returns the hash of a decode: of the files' paths and hashes, and of the options. `server_path`
+/// does not count, so the caller lists the files it read instead.
 [[nodiscard]] std::string asset_hash(v1::DecodeAssetRequest request);
 
 }  // namespace heliograph::server

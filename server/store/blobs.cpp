@@ -12,7 +12,7 @@
 namespace heliograph::server {
 namespace {
 
-/// Bytes that were counted, and their share of the budget.
+/// Charged bytes.
 struct Restored {
   std::string bytes;
   Charge charge;
@@ -24,7 +24,7 @@ struct Incoming::Storage {
   std::unique_ptr<std::byte[]> bytes;
   u64 size = 0;
   Charge charge;
-  u64 charged = 0;  // of the size
+  u64 charged = 0;  // charged bytes of the size
 
   [[nodiscard]] Status set_charged(u64 amount) {
     HELIO_TRY(charge.resize(amount + BlobStore::kOverhead));
@@ -48,7 +48,7 @@ Status Incoming::append(std::string_view chunk) {
   return {};
 }
 
-/// Room for this many bytes, and for a window ahead of them unless that is too much now.
+/// Charges these bytes, and a window ahead of them unless that is refused now.
 Status Incoming::charge(u64 bytes) {
   if (bytes <= storage_->charged) return {};
   if (storage_->set_charged(std::min(bytes + window_, storage_->size))) return {};
@@ -84,7 +84,7 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
     return error;
   }
   auto charge =
-      Charge::take(std::move(budget), size + kOverhead);  // what cannot come is refused now
+      Charge::take(std::move(budget), size + kOverhead);  // refuses a size that can never fit
   if (!charge) return std::unexpected(std::move(charge).error().at("size"));
   auto storage = std::make_shared<Incoming::Storage>();
   storage->bytes.reset(new (std::nothrow) std::byte[std::max<u64>(size, 1)]);

@@ -1,5 +1,5 @@
 // Uploaded bytes of a tenant, found by their SHA-256 and stored once. Used by sessions
-// (holdings.h).
+// (session_arrays.h).
 #pragma once
 
 #include <map>
@@ -17,25 +17,25 @@
 namespace heliograph::server {
 
 struct BlobLimits {
-  u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
-  u64 blob_bytes = 2ull << 30;     // of one
-  u64 window_bytes = 16ull << 20;  // of an upload, charged before they come
+  u64 bytes = 8ull << 30;  // of all live blobs and uploads, including those that scenes refer to
+  u64 blob_bytes = 2ull << 30;     // of one blob
+  u64 window_bytes = 16ull << 20;  // of an upload, charged ahead of their arrival
   u64 inline_bytes = 1u << 20;     // of one inline array
-  RecentLimits recent = {};        // what a session keeps that nothing refers to
+  RecentLimits recent = {};        // what a session keeps without references
 };
 
-/// Bytes on their way in. What came is charged, and a window ahead of it: who announces much and
-/// sends nothing holds no more than that.
-/// Thread: one at a time.
+/// An upload in progress. Charges the bytes received and a window ahead, so that announcing much
+/// and sending nothing holds no more than that. Thread: one at a time.
 class Incoming {
  public:
-  /// INVALID_ARGUMENT when more comes than was announced, RESOURCE_EXHAUSTED when the room that was
-  /// there at the beginning is others' now, or when the daemon's memory is nearly used up.
+  /// Appends bytes. INVALID_ARGUMENT when there are more than announced, RESOURCE_EXHAUSTED when
+  /// the room of the beginning is taken by others now, or the daemon's memory is nearly used up.
   [[nodiscard]] Status append(std::string_view chunk);
-  /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
+  /// Returns the bytes. INVALID_ARGUMENT when there are fewer than announced, or their hash
+  /// differs.
   [[nodiscard]] Expected<BufferPtr> finish();
   [[nodiscard]] u64 size() const;
-  /// Holds this as long as the bytes are on their way.
+  /// Keeps `held` alive as long as this upload.
   void hold(std::shared_ptr<const void> held) { held_ = std::move(held); }
 
  private:
@@ -52,42 +52,43 @@ class Incoming {
   std::shared_ptr<const void> held_;
 };
 
-/// The blobs alive, by hash. It owns none: sessions (for a while) and scenes do, and what nobody
-/// refers to any more is gone. Equal bytes are one Buffer, so that they have one serial. Thread:
-/// any; one mutex, held for a look-up.
+/// The live blobs by hash. Owns none: sessions (for a while) and scenes do, and a blob without
+/// references is gone. Equal bytes are one Buffer, with one serial. Thread: any; one mutex, held
+/// for a lookup.
 class BlobStore {
  public:
-  /// `budget`: of all blobs, other stores' too.
+  /// budget   of all blobs, other stores' too
   BlobStore(BlobLimits limits, std::shared_ptr<Budget> budget)
       : limits_(limits), budget_(std::move(budget)) {}
   explicit BlobStore(BlobLimits limits) : BlobStore(limits, make_budget(limits.bytes)) {}
 
-  /// What a blob costs besides its bytes, so that many tiny ones count too.
+  /// Bytes charged per blob beyond its content, so that many tiny blobs count too.
   static constexpr u64 kOverhead = 256;
 
   [[nodiscard]] static std::shared_ptr<Budget> make_budget(u64 bytes) {
     return std::make_shared<Budget>(
-        bytes, Budget::Words{"bytes", "remove what is not used any more, close other sessions",
-                             "blob_store_bytes"});
+        bytes,
+        Budget::RefusalText{"bytes", "remove what is not used any more, close other sessions",
+                            "blob_store_bytes"});
   }
 
-  /// Room for `size` bytes, which `budget` must have now. `hash` is what they must hash to; "":
-  /// anything. Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
+  /// Begins an upload of `size` bytes, which `budget` must have now. hash: 32 bytes that the
+  /// content must hash to; "": any. INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size,
                                          std::shared_ptr<Budget> budget) const;
-  /// Bytes that were accepted once: they count, whatever the limits are now.
+  /// Charges bytes that an earlier daemon accepted, whatever the limits are now.
   [[nodiscard]] static BufferPtr restore(std::string bytes, std::shared_ptr<Budget> budget);
-  /// The blob of this hash, or null.
+  /// Returns the blob of this hash, or null.
   [[nodiscard]] BufferPtr find(std::string_view hash) const;
-  /// The Buffer that stands for this content from now on: `buffer`, or one that was there before.
+  /// Adds a blob, unless one of its hash is alive. Returns the one that is kept.
   [[nodiscard]] BufferPtr put(const std::string& hash, BufferPtr buffer);
 
   [[nodiscard]] const BlobLimits& limits() const { return limits_; }
-  /// Of all blobs; a tenant's is a part of it.
+  /// Returns the budget of blobs.
   [[nodiscard]] const std::shared_ptr<Budget>& budget() const { return budget_; }
 
  private:
-  void sweep();  // forgets hashes whose bytes are gone; under mutex_
+  void sweep();  // forgets hashes of expired blobs; under mutex_
 
   const BlobLimits limits_;
   const std::shared_ptr<Budget> budget_;

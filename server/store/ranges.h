@@ -1,4 +1,4 @@
-// Which bytes of a piece of memory are free. Used by arenas.
+// Allocator of ranges of a piece of memory. Used by arenas.
 #pragma once
 
 #include <map>
@@ -10,15 +10,16 @@
 
 namespace heliograph::server {
 
-/// The free ranges of [0, size), best fit: the smallest that will do is cut, of equal ones the
-/// first. Neighbours join when they are given back. Each call takes O(log n) for n free ranges.
+/// Free ranges of [0, size), best fit: cuts the smallest range that fits, the first of equal ones.
+/// Neighbours join when they are given back. Each call takes O(log n) for n free ranges.
 class Ranges {
  public:
   explicit Ranges(u64 size) { insert(0, size); }
 
-  /// The offset of so many bytes, at least one; none where no free range has as many.
+  /// Takes a range of at least one byte; returns its offset, none where no free range is large
+  /// enough.
   [[nodiscard]] std::optional<u64> take(u64 bytes);
-  /// What take() gave.
+  /// Gives back a range that take() returned.
   void give_back(u64 offset, u64 bytes);
   [[nodiscard]] std::size_t count() const { return free_.size(); }
 
@@ -28,7 +29,7 @@ class Ranges {
   void erase(Free::iterator range);
 
   Free free_;
-  std::set<std::pair<u64, u64>> by_size_;  // (bytes, offset) of the same
+  std::set<std::pair<u64, u64>> by_size_;  // (bytes, offset) of the same ranges
 };
 
 }  // namespace heliograph::server

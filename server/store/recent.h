@@ -1,4 +1,5 @@
-// What a session brought, until nobody is likely to name it again. Used by Holdings.
+// Cache of what a session brought (uploads, decoded assets) and recently named. Used by
+// SessionArrays.
 #pragma once
 
 #include <chrono>
@@ -14,14 +15,15 @@
 namespace heliograph::server {
 
 struct RecentLimits {
-  u64 seconds = 30;          // after it was brought or named
-  u64 bytes = 128ull << 20;  // of all that was named; the last one is kept whatever its size
+  u64 seconds = 30;          // grace time after it was brought or named
+  u64 bytes = 128ull << 20;  // of everything named; the last one is kept whatever its size
 };
 
-/// Things by kind and name. What was brought and not named yet stays until nothing was brought for
-/// the grace time, so that a long row of uploads is there when its edit comes; what was named goes
-/// after that time too, and when there is more of it, the longest unnamed first.
-/// Thread: one at a time. What is let go is returned, to be freed where that may take its time.
+/// Things by kind and name. A brought thing that was not named yet stays until nothing was brought
+/// for the grace time, so that a long series of uploads is complete when its edit comes. A named
+/// thing goes after the grace time, and least recently named first when `bytes` is exceeded.
+/// Evicted things are returned, so that the caller frees them where that may take long. Thread: one
+/// at a time.
 class Recent {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,17 +33,18 @@ class Recent {
 
   explicit Recent(RecentLimits limits) : limits_(limits) {}
 
-  /// Brought: nobody named it so far.
+  /// Adds a thing that no call has named yet.
   void bring(Kind kind, const std::string& name, Thing thing, u64 bytes);
-  /// Named by a call.
+  /// Records that a call named a thing.
   void use(Kind kind, const std::string& name, Thing thing, u64 bytes);
   [[nodiscard]] Thing find(Kind kind, const std::string& name) const;
-  /// Removes it.
+  /// Removes a thing.
   [[nodiscard]] Thing take(Kind kind, const std::string& name);
 
-  /// Lets go what is too old, and what of the named is too much. is_bringing: more is on its way.
+  /// Evicts things that are too old, and named ones beyond `bytes`. is_bringing: an upload is in
+  /// progress.
   [[nodiscard]] Things sweep(bool is_bringing, Clock::time_point now = Clock::now());
-  /// Lets go all that was named.
+  /// Evicts everything named.
   [[nodiscard]] Things forget_named();
 
  private:
@@ -59,11 +62,11 @@ class Recent {
   };
   void put(Entries& list, Entry entry);
   [[nodiscard]] Thing remove(std::map<Key, Place>::iterator place);
-  void let_go(Entries& list, Things& gone);  // its first
+  void let_go(Entries& list, Things& gone);  // evicts the first
 
   const RecentLimits limits_;
   Entries brought_;
-  Entries named_;  // the longest unnamed first
+  Entries named_;  // least recently named first
   std::map<Key, Place> places_;
   u64 named_bytes_ = 0;
   Clock::time_point last_brought_;

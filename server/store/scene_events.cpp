@@ -8,7 +8,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kEventBytes = 96;  // that one has beside its text
+constexpr u64 kEventBytes = 96;  // overhead of an event beyond its text
 
 u64 cost(const SceneEvents::Event& event) { return event->size() + kEventBytes; }
 
@@ -41,7 +41,7 @@ SceneEvents::Event SceneEvents::forget_oldest() {
 }
 
 void SceneEvents::add(Revision revision, Event event) {
-  std::vector<Event> forgotten;  // freed after the mutex
+  std::vector<Event> forgotten;  // freed after the mutex is released
   const std::lock_guard lock(mutex_);
   head_ = revision;
   if (!event || (has_bug("drop_event") && revision % 8 == 0)) return;

@@ -1,4 +1,4 @@
-// The newest transactions of a scene, as Watch sends them. Filled by its commits and by recovery.
+// The newest transactions of a scene, as Watch sends them. Filled by commits and by recovery.
 #pragma once
 
 #include <deque>
@@ -12,32 +12,33 @@
 
 namespace heliograph::server {
 
-/// How many transactions are kept, and how many bytes of them.
+/// Limits of kept transactions: count and bytes.
 struct EventLimits {
   u64 events = 16'384;
   u64 bytes = 16ull << 20;
 };
 
-/// One event for each revision, without gaps, up to the head. The oldest go when the limits are
-/// reached, or the owner's bytes are. Thread: any; one mutex, held for microseconds.
+/// Events of consecutive revisions up to the head. The oldest are dropped at the limits, or when
+/// the owner's budget is used up. Thread: any; one mutex, held for microseconds.
 class SceneEvents {
  public:
   using Event = std::shared_ptr<const std::string>;  // a serialised v1::WatchReply
 
-  /// Of a scene at `head`. `budget`: of its owner's bytes.
+  /// Events of a scene at `head`. budget: bytes of its owner.
   SceneEvents(EventLimits limits, std::shared_ptr<Budget> budget, Revision head);
 
-  /// Whether events are kept; until keep() they are not.
+  /// Returns true once keep() was called; until then no event is kept.
   [[nodiscard]] bool is_kept() const;
   void keep();
 
-  /// The scene went on to `revision`. `event`: null when events are not kept.
+  /// The scene advanced to `revision`. event: null when events are not kept.
   void add(Revision revision, Event event);
   [[nodiscard]] Revision head() const;
-  /// Null: the next one, which is not there yet. OUT_OF_RANGE, with the nearest revision that can
-  /// be had as `expected`: it is no longer kept, or not the next one.
+  /// Returns the event of a revision; null: the next one, which does not exist yet. OUT_OF_RANGE
+  /// when it is no longer kept, or beyond the next one; `expected` is the nearest available
+  /// revision.
   [[nodiscard]] Expected<Event> at(Revision revision) const;
-  /// Those that are kept, up to `last`, oldest first.
+  /// Returns the kept events up to `last`, oldest first.
   [[nodiscard]] std::vector<Event> list(Revision last) const;
 
  private:
@@ -48,7 +49,7 @@ class SceneEvents {
   mutable std::mutex mutex_;
   Revision head_;
   bool is_kept_ = false;
-  std::deque<Event> events_;  // the last one made head_
+  std::deque<Event> events_;  // the last one is of head_
   u64 bytes_ = 0;
   Charge charge_;
 };

@@ -1,5 +1,5 @@
-// Pages of the host that another process maps. Used for arenas of frames, and for long replies to
-// quick calls.
+// Host memory that another process maps. Used for arenas of frames, and for long replies to quick
+// calls.
 #pragma once
 
 #include <memory>
@@ -10,15 +10,15 @@
 
 namespace heliograph::server {
 
-/// Pages of a memfd that this process writes and its peer only reads. The kernel finds them when
-/// they are first written: what was not costs nothing.
+/// A memfd that this process writes and its peer only reads. The kernel allocates pages on first
+/// write: untouched pages cost nothing.
 class SealedMemory final : public SharedMemory {
  public:
-  /// Null when the kernel has no more.
+  /// Creates a memfd of this size; null when the kernel refuses.
   [[nodiscard]] static std::shared_ptr<SealedMemory> create(u64 bytes);
   ~SealedMemory() override;
 
-  /// Sealed: its size is final, and nobody else can map it for writing.
+  /// Returns the descriptor, sealed: the size is final, and no peer can map it for writing.
   [[nodiscard]] int fd() const override { return fd_.get(); }
   [[nodiscard]] std::span<std::byte> bytes() const override { return bytes_; }
   [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }

@@ -1,24 +1,24 @@
-// The uploads that one request used up. Used by the calls that read edits.
+// Uploads that one request consumed. Used by the calls that read edits.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 
 namespace heliograph::server {
 
-/// Whether a request that was refused so is sent again as it is: what it lacked is brought first,
-/// or some time passes.
+/// Returns true for a refusal after which the same request may be sent again, once what it lacked
+/// was brought or some time has passed.
 [[nodiscard]] inline bool may_be_sent_again(const Error& why) {
   return why.code == Code::kNotFound || why.retry_seconds > 0;
 }
 
-/// Gives what a session's holdings give. A request that may be sent again gives its uploads and
-/// buffers back. Thread: one at a time.
+/// An ArraySource over a session's arrays that records consumed uploads and buffers, and restores
+/// them when the request may be sent again. Thread: one at a time.
 class UsedUploads final : public ArraySource {
  public:
-  explicit UsedUploads(Holdings& holdings) : holdings_(holdings) {}
+  explicit UsedUploads(SessionArrays& arrays) : arrays_(arrays) {}
 
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<bool> read(const v1::Array& array, u64 bytes,
@@ -28,11 +28,11 @@ class UsedUploads final : public ArraySource {
 
   [[nodiscard]] std::vector<UsedUpload> take_used() { return std::move(used_); }
   void give_back(const Error& why) {
-    if (may_be_sent_again(why)) holdings_.give_back(take_used());
+    if (may_be_sent_again(why)) arrays_.give_back(take_used());
   }
 
  private:
-  Holdings& holdings_;
+  SessionArrays& arrays_;
   std::vector<UsedUpload> used_;
 };
 

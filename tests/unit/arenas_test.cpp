@@ -19,10 +19,10 @@ constexpr u64 kPage = 4096;
 
 struct Stage {
   explicit Stage(u64 limit = 4096 * kMiB, u64 tenant = 4096 * kMiB, u64 most_descriptors = 4096)
-      : budget(std::make_shared<Budget>(tenant,
-                                        Budget::Words{"bytes", "remove some", "tenant_bytes"})),
+      : budget(std::make_shared<Budget>(
+            tenant, Budget::RefusalText{"bytes", "remove some", "tenant_bytes"})),
         descriptors(std::make_shared<Budget>(
-            most_descriptors, Budget::Words{"descriptors", "give some back", "descriptors"})),
+            most_descriptors, Budget::RefusalText{"descriptors", "give some back", "descriptors"})),
         frames(std::make_shared<SharedFrames>(SharedRoom::Limits{limit, budget, descriptors},
                                               [this](u64 buffer, const SharedMemory* memory) {
                                                 if (!takes) return false;

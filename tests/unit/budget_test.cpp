@@ -10,8 +10,8 @@ using namespace std::chrono_literals;
 namespace {
 
 std::shared_ptr<Budget> budget(u64 limit, std::shared_ptr<Budget> parent = nullptr) {
-  return std::make_shared<Budget>(limit, Budget::Words{"things", "remove some", "tenant_things"},
-                                  std::move(parent));
+  return std::make_shared<Budget>(
+      limit, Budget::RefusalText{"things", "remove some", "tenant_things"}, std::move(parent));
 }
 
 }  // namespace

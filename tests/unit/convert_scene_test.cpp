@@ -230,8 +230,8 @@ TEST_CASE("scene file: a scene comes back as it was, sent whole or in pieces") {
   const auto scene = make_scene(320);
   BlobStore blobs({});
   AssetStore assets;
-  Holdings holdings(blobs, assets);
-  SceneImport import(holdings);
+  SessionArrays arrays(blobs, assets);
+  SceneImport import(arrays);
   SceneExport file(*scene);
   int chunks = 0;
   for (v1::SceneChunk chunk; file.next(chunk); ++chunks) {
@@ -263,12 +263,12 @@ TEST_CASE("scene file: a scene comes back as it was, sent whole or in pieces") {
 TEST_CASE("scene file: damage is refused") {
   BlobStore blobs({});
   AssetStore assets;
-  Holdings holdings(blobs, assets);
+  SessionArrays arrays(blobs, assets);
   std::vector<v1::SceneChunk> chunks;
   SceneExport file(*make_scene(320));
   for (v1::SceneChunk chunk; file.next(chunk);) chunks.push_back(chunk);
   const auto load = [&](const std::vector<v1::SceneChunk>& parts) -> Status {
-    SceneImport import(holdings);
+    SceneImport import(arrays);
     for (const auto& part : parts) HELIO_TRY(import.append(part));
     HELIO_TRY(import.finish());
     return {};

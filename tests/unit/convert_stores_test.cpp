@@ -3,7 +3,7 @@
 
 #include "server/convert/asset.h"
 #include "server/os/hash.h"
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
 
@@ -23,15 +23,15 @@ v1::UploadBlobRequest first(const std::string& id, const std::string& hash, u64 
 }
 
 /// Uploads `bytes` under their hash, or under `id`.
-Status upload(Holdings& holdings, const std::string& bytes, const std::string& id = "") {
+Status upload(SessionArrays& arrays, const std::string& bytes, const std::string& id = "") {
   const auto request = first(id, id.empty() ? sha256(bytes) : "", bytes.size());
-  auto incoming = holdings.begin(request);
+  auto incoming = arrays.begin(request);
   if (!incoming) return std::unexpected(incoming.error());
   if (!*incoming) return {};
   for (std::size_t i = 0; i < bytes.size(); i += 5)
     if (auto status = (*incoming)->append(std::string_view(bytes).substr(i, 5)); !status)
       return status;
-  return holdings.finish(request, std::move(**incoming));
+  return arrays.finish(request, std::move(**incoming));
 }
 
 std::string text(const BufferPtr& buffer) {
@@ -68,7 +68,7 @@ TEST_CASE("stores: equal bytes are one buffer, kept by sessions and by whoever r
   const std::string hash = sha256("hello blob");
   BufferPtr kept;
   {
-    Holdings a(blobs, assets), b(blobs, assets);
+    SessionArrays a(blobs, assets), b(blobs, assets);
     REQUIRE(upload(a, "hello blob"));
     kept = *a.blob(hash);
     CHECK(text(kept) == "hello blob");
@@ -85,9 +85,9 @@ TEST_CASE("stores: equal bytes are one buffer, kept by sessions and by whoever r
 TEST_CASE("stores: a blob that one session uploaded lives on in another that announced it") {
   BlobStore blobs({});
   AssetStore assets;
-  Holdings b(blobs, assets);
+  SessionArrays b(blobs, assets);
   {
-    Holdings a(blobs, assets);
+    SessionArrays a(blobs, assets);
     REQUIRE(upload(a, "shared"));
     REQUIRE(upload(b, "shared"));
   }
@@ -97,7 +97,7 @@ TEST_CASE("stores: a blob that one session uploaded lives on in another that ann
 TEST_CASE("stores: an anonymous upload is consumed by its use and private to its session") {
   BlobStore blobs({});
   AssetStore assets;
-  Holdings a(blobs, assets), b(blobs, assets);
+  SessionArrays a(blobs, assets), b(blobs, assets);
   REQUIRE(upload(a, "vertices", "r1"));
   REQUIRE(upload(a, "vertices", "r1"));
   refused(b.bytes(of_upload("r1")), Code::kNotFound, "upload", "no upload 'r1'");
@@ -111,7 +111,7 @@ TEST_CASE("stores: an anonymous upload is consumed by its use and private to its
 TEST_CASE("stores: refusals of uploads") {
   BlobStore blobs({.bytes = 1000, .blob_bytes = 600, .inline_bytes = 16});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   refused(a.begin(first("", "", 5)), Code::kInvalidArgument, "request_id", "name the upload");
   refused(a.begin(first("", "short", 5)), Code::kInvalidArgument, "sha256", "SHA-256 has 32");
   refused(a.begin(first("x", "", 601)), Code::kResourceExhausted, "size", "one blob may have 600");
@@ -139,7 +139,7 @@ TEST_CASE("stores: refusals of uploads") {
 TEST_CASE("stores: an upload is charged what came and a window ahead") {
   BlobStore blobs({.bytes = 2000, .blob_bytes = 1500, .window_bytes = 100, .inline_bytes = 16});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   auto slow = a.begin(first("slow", "", 1500));
   REQUIRE((slow && *slow));
   CHECK(blobs.budget()->used() == 100 + kOverhead);
@@ -160,7 +160,7 @@ TEST_CASE("stores: an upload is charged what came and a window ahead") {
 TEST_CASE("stores: refusals of arrays") {
   BlobStore blobs({.inline_bytes = 16});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   v1::Array array;
   refused(a.bytes(array), Code::kInvalidArgument, "", "set inline, blob, upload or buffer");
   array.set_inline_(std::string(17, 'x'));
@@ -177,7 +177,7 @@ TEST_CASE("stores: refusals of arrays") {
 TEST_CASE("stores: bytes of our own become a blob") {
   BlobStore blobs({});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   const std::string hash = a.hold(copy_bytes("texels"));
   CHECK(hash == sha256("texels"));
   CHECK(text(*a.blob(hash)) == "texels");
@@ -186,7 +186,7 @@ TEST_CASE("stores: bytes of our own become a blob") {
 TEST_CASE("stores: what was named goes by bytes, what was not waits for its use") {
   BlobStore blobs({.recent = {.seconds = 1000, .bytes = 20}});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   for (const char* bytes : {"first ten.", "second ten", "third ten."}) REQUIRE(upload(a, bytes));
   v1::Array array;
   for (const char* bytes : {"first ten.", "second ten", "third ten."}) {
@@ -203,7 +203,7 @@ TEST_CASE("stores: what was named goes by bytes, what was not waits for its use"
 TEST_CASE("stores: what something refers to is there as long as that") {
   BlobStore blobs({.recent = {.seconds = 1000, .bytes = 1}});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   REQUIRE(upload(a, "in a scene"));
   v1::Array array;
   array.set_blob(sha256("in a scene"));
@@ -220,7 +220,7 @@ TEST_CASE("stores: what something refers to is there as long as that") {
 TEST_CASE("stores: room for an upload is made from what was named") {
   BlobStore blobs({.bytes = 1000, .recent = {.seconds = 1000, .bytes = 1000}});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   const std::string old(600, 'a');
   REQUIRE(upload(a, old));
   CHECK_FALSE(upload(a, std::string(600, 'b')));  // what was not named yet stays
@@ -250,12 +250,12 @@ TEST_CASE("stores: assets live as long as a session holds them") {
   AssetStore assets;
   const std::string hash(32, 'a');
   {
-    Holdings a(blobs, assets);
+    SessionArrays a(blobs, assets);
     auto stored = std::make_shared<StoredAsset>();
     stored->asset = std::make_shared<const Asset>(Asset{.hash = hash});
     stored->info = to_info(*stored->asset, vec3(0), vec3(1));
     CHECK(a.hold(stored) == stored);
-    Holdings b(blobs, assets);
+    SessionArrays b(blobs, assets);
     CHECK(b.asset(hash));
     CHECK(b.find_asset(hash) == stored);
   }
@@ -265,7 +265,7 @@ TEST_CASE("stores: assets live as long as a session holds them") {
 TEST_CASE("stores: a picture goes once its texels were used, though others are decoded meanwhile") {
   BlobStore blobs({.recent = {.seconds = 1000, .bytes = 100}});
   AssetStore assets;
-  Holdings a(blobs, assets);
+  SessionArrays a(blobs, assets);
   for (int i = 0; i < 5; ++i) {
     const std::string texels(60, char('a' + i));
     REQUIRE(upload(a, texels));

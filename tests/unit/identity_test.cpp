@@ -10,7 +10,7 @@
 #include "server/access/secret_file.h"
 #include "server/access/tenant.h"
 #include "server/os/hash.h"
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;
@@ -172,7 +172,7 @@ TEST_CASE("tenants: the same bytes of two tenants are two blobs") {
   Tenants tenants(Limits{}, *Identities::parse(kFile));
   const TenantPtr a = *tenants.of({.token = kToken}), b = *tenants.of({.is_local = true});
   const std::string hash = sha256("the same bytes");
-  Holdings first(a->blobs, a->assets, a->ledger.bytes),
+  SessionArrays first(a->blobs, a->assets, a->ledger.bytes),
       second(b->blobs, b->assets, b->ledger.bytes);
   v1::UploadBlobRequest request;
   request.set_sha256(hash);

@@ -95,9 +95,9 @@ TEST_CASE("journal: an edit that was not committed finds its upload when it is s
   v1::UploadBlobRequest upload;
   upload.set_request_id("positions");
   upload.set_size(9 * sizeof(float));
-  auto incoming = session->holdings().begin(upload);
+  auto incoming = session->arrays().begin(upload);
   REQUIRE((*incoming)->append(std::string(upload.size(), '\0')));
-  REQUIRE(session->holdings().finish(upload, std::move(**incoming)));
+  REQUIRE(session->arrays().finish(upload, std::move(**incoming)));
   v1::ApplyRequest request;
   request.set_scene(scene->id);
   request.set_number(1);

@@ -52,9 +52,9 @@ v1::ApplyRequest uploaded(Session& session, u64 scene, const std::string& bytes)
   v1::UploadBlobRequest first;
   first.set_request_id("up");
   first.set_size(bytes.size());
-  auto incoming = session.holdings().begin(first).value();
+  auto incoming = session.arrays().begin(first).value();
   REQUIRE(incoming->append(bytes));
-  REQUIRE(session.holdings().finish(first, std::move(*incoming)));
+  REQUIRE(session.arrays().finish(first, std::move(*incoming)));
   v1::ApplyRequest request;
   request.set_scene(scene);
   request.set_number(1);

@@ -9,7 +9,8 @@ using namespace heliograph::server;
 namespace {
 
 std::shared_ptr<Budget> room(u64 bytes) {
-  return std::make_shared<Budget>(bytes, Budget::Words{"bytes", "remove some", "tenant_bytes"});
+  return std::make_shared<Budget>(bytes,
+                                  Budget::RefusalText{"bytes", "remove some", "tenant_bytes"});
 }
 
 SceneEvents::Event text(u64 bytes, char fill = 'x') {

@@ -65,11 +65,11 @@ class FakeSource final : public SharedMemorySource {
 
 struct Stage {
   std::map<u64, u64> told;  // buffer -> bytes, of those that were not forgotten
-  std::shared_ptr<Budget> budget =
-      std::make_shared<Budget>(64 * kStep, Budget::Words{"bytes", "remove some", "tenant_bytes"});
+  std::shared_ptr<Budget> budget = std::make_shared<Budget>(
+      64 * kStep, Budget::RefusalText{"bytes", "remove some", "tenant_bytes"});
   std::shared_ptr<FakeSource> gpu = std::make_shared<FakeSource>();
-  std::shared_ptr<Budget> descriptors =
-      std::make_shared<Budget>(16, Budget::Words{"descriptors", "let go of frames", "descriptors"});
+  std::shared_ptr<Budget> descriptors = std::make_shared<Budget>(
+      16, Budget::RefusalText{"descriptors", "let go of frames", "descriptors"});
   SharedFrames frames{{8 * kStep, budget, descriptors},
                       [this](u64 buffer, const SharedMemory* memory) {
                         if (memory)

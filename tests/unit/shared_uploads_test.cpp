@@ -22,7 +22,8 @@ UniqueFd memory(int seals) {
 }
 
 std::shared_ptr<Budget> room(u64 bytes) {
-  return std::make_shared<Budget>(bytes, Budget::Words{"bytes", "remove some", "tenant_bytes"});
+  return std::make_shared<Budget>(bytes,
+                                  Budget::RefusalText{"bytes", "remove some", "tenant_bytes"});
 }
 
 v1::BufferRef ref(u64 buffer, u64 size, u64 offset = 0) {
@@ -60,7 +61,7 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
   const auto budget = room(1000);
   BlobStore blobs({.recent = {.seconds = 0}});
   AssetStore assets;
-  Holdings holdings(blobs, assets, budget);
+  SessionArrays arrays(blobs, assets, budget);
   const auto array = [](const v1::BufferRef& named) {
     v1::Array made;
     *made.mutable_buffer() = named;
@@ -68,29 +69,29 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
   };
   const v1::Array part = array(ref(5, 100, 64));
   const auto use_and_give_back = [&] {
-    UsedUploads uses(holdings);
+    UsedUploads uses(arrays);
     REQUIRE(uses.bytes(part));
     uses.give_back(Error{.code = Code::kNotFound, .message = "", .where = ""});
   };
-  holdings.shared().take(5, kText.size(), memory(kSeals).get());
+  arrays.shared().take(5, kText.size(), memory(kSeals).get());
   use_and_give_back();
   CHECK(budget->used() == kText.size());
-  refused(holdings.bytes(array(ref(5, 100))), Code::kNotFound, "buffer.buffer");
+  refused(arrays.bytes(array(ref(5, 100))), Code::kNotFound, "buffer.buffer");
   use_and_give_back();
-  CHECK((*holdings.bytes(part))->bytes().size() == 100);
-  refused(holdings.bytes(part), Code::kNotFound, "buffer.buffer");
+  CHECK((*arrays.bytes(part))->bytes().size() == 100);
+  refused(arrays.bytes(part), Code::kNotFound, "buffer.buffer");
   CHECK(budget->used() == 0);
 
-  holdings.shared().take(5, kText.size(), memory(kSeals).get());
+  arrays.shared().take(5, kText.size(), memory(kSeals).get());
   use_and_give_back();
-  holdings.sweep();
+  arrays.sweep();
   CHECK(budget->used() == 0);
 
-  holdings.shared().take(5, kText.size(), memory(kSeals).get());
-  UsedUploads uses(holdings);
+  arrays.shared().take(5, kText.size(), memory(kSeals).get());
+  UsedUploads uses(arrays);
   REQUIRE(uses.bytes(part));
   uses.give_back(Error{.code = Code::kInvalidArgument, .message = "", .where = ""});
-  CHECK_FALSE(holdings.bytes(part));
+  CHECK_FALSE(arrays.bytes(part));
 }
 
 TEST_CASE("shared uploads: what waits in the socket is heard first") {

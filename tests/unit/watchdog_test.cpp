@@ -7,7 +7,7 @@
 #include <chrono>
 #include <thread>
 
-#include "server/observe/call_watch.h"
+#include "server/observe/stall_monitor.h"
 #include "server/os/busy_times.h"
 #include "server/os/work_pool.h"
 #include "tests/unit/catch.h"
@@ -37,13 +37,13 @@ struct WatchedLoop {
 
   explicit WatchedLoop(std::vector<Watchdog::Part> parts = {}) {
     thread = std::thread([this] { loop->run(); });
-    watchdog.start(std::move(parts), {.ready =
+    watchdog.start(std::move(parts), {.on_fault =
                                           [this](const std::string& now) {
                                             const std::lock_guard lock(mutex);
                                             fault = now;
                                           },
-                                      .live = [this](bool live) { is_live = live; },
-                                      .looked = [this](double) { ++looks; }});
+                                      .on_live = [this](bool live) { is_live = live; },
+                                      .on_tick = [this](double) { ++looks; }});
   }
   ~WatchedLoop() {
     watchdog.stop();
@@ -107,21 +107,21 @@ TEST_CASE("work pool: it stands still while what waits is not begun") {
 }
 
 TEST_CASE("call watch: the end of a call waits for the look that is under way, and none follows") {
-  struct Call final : Watched {
+  struct Call final : Monitored {
     std::atomic<bool> is_looking = false, is_held = true, has_ended = false;
     std::atomic<int> looks = 0;
-    void look(EventLoop::Clock::time_point) override {
+    void on_tick(EventLoop::Clock::time_point) override {
       ++looks;
       is_looking = true;
       while (is_held) std::this_thread::sleep_for(milliseconds(1));
       is_looking = false;
     }
     void end() {
-      end_looks();
+      end_ticks();
       has_ended = true;
     }
   } call;
-  std::thread looking([&] { call.look_at({}); });
+  std::thread looking([&] { call.run_tick({}); });
   await([&] { return call.is_looking.load(); });
   std::thread ending([&] { call.end(); });
   std::this_thread::sleep_for(milliseconds(20));
@@ -130,20 +130,20 @@ TEST_CASE("call watch: the end of a call waits for the look that is under way, a
   await([&] { return call.has_ended.load(); });
   looking.join();
   ending.join();
-  call.look_at({});
+  call.run_tick({});
   CHECK(call.looks == 1);
 }
 
 TEST_CASE("call watch: a call may end within its look") {
-  struct Call final : Watched {
+  struct Call final : Monitored {
     int looks = 0;
-    void look(EventLoop::Clock::time_point) override {
+    void on_tick(EventLoop::Clock::time_point) override {
       ++looks;
-      end_looks();
+      end_ticks();
     }
   } call;
-  call.look_at({});
-  call.look_at({});
+  call.run_tick({});
+  call.run_tick({});
   CHECK(call.looks == 1);
 }
 

@@ -1,5 +1,5 @@
 // A session's blobs, uploads and assets.
-#include "server/store/holdings.h"
+#include "server/store/session_arrays.h"
 
 #include <fmt/format.h>
 
@@ -11,12 +11,12 @@
 namespace heliograph::server {
 namespace {
 
-/// The bytes that it means.
+/// Returns a key for the bytes that a reference names.
 std::string name_of(const v1::BufferRef& ref) {
   return fmt::format("{} {} {}", ref.buffer(), ref.offset(), ref.size());
 }
 
-/// Bytes of a message, and their share of the owner's budget.
+/// Copied bytes of a message with their charge.
 struct Copied {
   std::vector<std::byte> bytes;
   Charge charge;
@@ -24,7 +24,7 @@ struct Copied {
 
 }  // namespace
 
-Expected<BufferPtr> Holdings::copy(std::string_view bytes) const {
+Expected<BufferPtr> SessionArrays::copy(std::string_view bytes) const {
   auto charge = Charge::take(budget_, bytes.size());
   if (!charge) return std::unexpected(std::move(charge).error());
   auto owner = std::make_shared<Copied>();
@@ -34,18 +34,18 @@ Expected<BufferPtr> Holdings::copy(std::string_view bytes) const {
   return std::make_shared<const Buffer>(owner, std::span<const std::byte>(owner->bytes));
 }
 
-void Holdings::bring(Recent::Kind kind, const std::string& name, BufferPtr bytes) {
+void SessionArrays::bring(Recent::Kind kind, const std::string& name, BufferPtr bytes) {
   const u64 size = bytes->bytes().size();
   const std::lock_guard lock(mutex_);
   recent_.bring(kind, name, std::move(bytes), size);
 }
 
-Expected<Incoming> Holdings::make_room(const v1::UploadBlobRequest& first) const {
+Expected<Incoming> SessionArrays::make_room(const v1::UploadBlobRequest& first) const {
   HELIO_TRY(budget_->admit(Work::kUploads, first.size()));
   return blobs_.begin(first.sha256(), first.size(), budget_);
 }
 
-Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& first) {
+Expected<std::optional<Incoming>> SessionArrays::begin(const v1::UploadBlobRequest& first) {
   const std::string& hash = first.sha256();
   if (hash.empty() && first.request_id().empty())
     return fail(Code::kInvalidArgument, "request_id",
@@ -68,7 +68,7 @@ Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& f
   return std::optional(std::move(*incoming));
 }
 
-Status Holdings::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
+Status SessionArrays::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
   auto buffer = incoming.finish();
   if (!buffer) return std::unexpected(std::move(buffer).error());
   const std::string& hash = first.sha256();
@@ -79,33 +79,34 @@ Status Holdings::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
   return {};
 }
 
-void Holdings::sweep() {
-  Recent::Things gone;  // freed without the lock
+void SessionArrays::sweep() {
+  Recent::Things gone;  // freed after the lock is released
   const std::lock_guard lock(mutex_);
   gone = recent_.sweep(bringing_.use_count() > 1);
 }
 
-bool Holdings::forget_named() {
+bool SessionArrays::forget_named() {
   Recent::Things gone;
   const std::lock_guard lock(mutex_);
   gone = recent_.forget_named();
   return !gone.empty();
 }
 
-std::string Holdings::hold(BufferPtr bytes) {
+std::string SessionArrays::hold(BufferPtr bytes) {
   std::string hash = sha256(bytes->bytes());
   bring(Recent::Kind::kBlob, hash, blobs_.put(hash, std::move(bytes)));
   return hash;
 }
 
-std::shared_ptr<const StoredAsset> Holdings::hold(std::shared_ptr<const StoredAsset> asset) {
+std::shared_ptr<const StoredAsset> SessionArrays::hold(std::shared_ptr<const StoredAsset> asset) {
   asset = assets_.put(std::move(asset));
   keep(asset);
   return asset;
 }
 
-/// Edits name a picture by its texels, which are a blob: the asset itself waits for no use.
-void Holdings::keep(const std::shared_ptr<const StoredAsset>& asset) {
+/// Keeps an asset. The texels of a picture are kept as a blob, since edits name them by that: the
+/// asset itself is not pinned as unused.
+void SessionArrays::keep(const std::shared_ptr<const StoredAsset>& asset) {
   const std::string& hash = asset->info.sha256();
   const std::lock_guard lock(mutex_);
   if (!asset->texels) return recent_.bring(Recent::Kind::kAsset, hash, asset, asset->bytes);
@@ -113,13 +114,13 @@ void Holdings::keep(const std::shared_ptr<const StoredAsset>& asset) {
   recent_.use(Recent::Kind::kAsset, hash, asset, asset->bytes);
 }
 
-std::shared_ptr<const StoredAsset> Holdings::find_asset(std::string_view hash) {
+std::shared_ptr<const StoredAsset> SessionArrays::find_asset(std::string_view hash) {
   auto found = assets_.find(hash);
   if (found) keep(found);
   return found;
 }
 
-Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
+Expected<BufferPtr> SessionArrays::bytes(const v1::Array& array) {
   switch (array.source_case()) {
     case v1::Array::kInline:
       if (array.inline_().size() > blobs_.limits().inline_bytes)
@@ -140,23 +141,23 @@ Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
   return fail(Code::kInvalidArgument, "", "has no bytes; set inline, blob, upload or buffer");
 }
 
-Expected<bool> Holdings::read(const v1::Array& array, u64 bytes, const TakePiece& take) {
+Expected<bool> SessionArrays::read(const v1::Array& array, u64 bytes, const TakePiece& take) {
   if (!array.has_buffer() || array.buffer().size() != bytes) return false;
   return shared_.read_lent(array.buffer(), take);
 }
 
-Expected<BufferPtr> Holdings::take(const v1::Array& array, u64 bytes, Numbers kind) {
+Expected<BufferPtr> SessionArrays::take(const v1::Array& array, u64 bytes, Numbers kind) {
   if (!array.has_buffer() || array.buffer().size() != bytes) return nullptr;
   return shared_.take_lent(array.buffer(), kind);
 }
 
-BufferPtr Holdings::take_returned(const v1::BufferRef& ref) {
+BufferPtr SessionArrays::take_returned(const v1::BufferRef& ref) {
   if (ref.generation() != 0) return nullptr;  // lent
   const std::lock_guard lock(mutex_);
   return std::static_pointer_cast<const Buffer>(recent_.take(Recent::Kind::kBuffer, name_of(ref)));
 }
 
-Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
+Expected<BufferPtr> SessionArrays::take_upload(const std::string& request_id) {
   Recent::Thing found;
   {
     const std::lock_guard lock(mutex_);
@@ -170,9 +171,9 @@ Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
                   request_id));
 }
 
-void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
+void SessionArrays::give_back(const std::vector<UsedUpload>& uploads) {
   for (const UsedUpload& used : uploads) {
-    if (used.array.buffer().generation() != 0) continue;  // lent: it is still there
+    if (used.array.buffer().generation() != 0) continue;  // lent: a use does not consume it
     if (used.array.has_buffer())
       bring(Recent::Kind::kBuffer, name_of(used.array.buffer()), used.bytes);
     else
@@ -180,7 +181,7 @@ void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
   }
 }
 
-Expected<BufferPtr> Holdings::blob(std::string_view hash) {
+Expected<BufferPtr> SessionArrays::blob(std::string_view hash) {
   if (BufferPtr found = blobs_.find(hash)) return found;
   return fail(Code::kNotFound, "",
               fmt::format("the daemon has no bytes of sha256 {} (any more); upload it again with "
@@ -188,12 +189,12 @@ Expected<BufferPtr> Holdings::blob(std::string_view hash) {
                           hex(hash)));
 }
 
-void Holdings::used(const std::string& hash, const BufferPtr& bytes) {
+void SessionArrays::used(const std::string& hash, const BufferPtr& bytes) {
   const std::lock_guard lock(mutex_);
   recent_.use(Recent::Kind::kBlob, hash, bytes, bytes->bytes().size());
 }
 
-Expected<BufferPtr> Holdings::find_blob(const std::string& hash) {
+Expected<BufferPtr> SessionArrays::find_blob(const std::string& hash) {
   BufferPtr buffer;
   HELIO_CHECK(check_hash(hash), "blob");
   HELIO_TAKE(buffer, blob(hash), "blob");
@@ -201,7 +202,7 @@ Expected<BufferPtr> Holdings::find_blob(const std::string& hash) {
   return buffer;
 }
 
-Expected<std::shared_ptr<const Asset>> Holdings::asset(std::string_view hash) {
+Expected<std::shared_ptr<const Asset>> SessionArrays::asset(std::string_view hash) {
   if (const auto found = assets_.find(hash); found && found->asset) {
     const std::lock_guard lock(mutex_);
     recent_.use(Recent::Kind::kAsset, found->info.sha256(), found, found->bytes);

@@ -1,4 +1,4 @@
-// A client stream that ends when nothing comes: UploadBlob and ImportScene.
+// Client streams that end when nothing arrives: UploadBlob and ImportScene.
 #pragma once
 
 #include <memory>
@@ -8,15 +8,15 @@
 
 namespace heliograph::server {
 
-/// Reads one message at a time. A client that sends nothing for stall_seconds is refused, and what
-/// it has sent is let go. Lifetime: until gRPC is done with it, or the last look.
+/// Reads one message at a time. Refuses a client that sends nothing for stall_seconds and frees
+/// what it has sent. Lifetime: until gRPC is done with it, or the last tick has ended.
 template <class Message>
-class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
+class MonitoredReader : public grpc::ServerReadReactor<Message>, public Monitored {
  public:
-  /// Takes the call over; it deletes itself.
-  static WatchedReader* start(std::shared_ptr<WatchedReader> made, Daemon& daemon) {
+  /// Starts the call, which owns itself.
+  static MonitoredReader* start(std::shared_ptr<MonitoredReader> made, Daemon& daemon) {
     made->self_ = made;
-    daemon.watch.add(made);
+    daemon.stall_monitor.add(made);
     made->read();
     return made.get();
   }
@@ -30,26 +30,26 @@ class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
     came(ok);
   }
   void OnDone() override {
-    end_looks();
-    let_go();  // here: the last to hold it may be a look
+    end_ticks();
+    let_go();  // here, since the last owner may be a tick
     self_.reset();
   }
-  void look(EventLoop::Clock::time_point now) override {
+  void on_tick(EventLoop::Clock::time_point now) override {
     const std::lock_guard lock(mutex_);
     if (is_finished_ || !is_reading_ || !standstill_.is_longer_than(stall_seconds_, now)) return;
-    // It frees what may be gigabytes. Where the pool is full, the next look comes back to it.
+    // May free gigabytes, so in the pool. When the pool is full, the next tick tries again.
     is_finished_ = bool(pool_.post(WorkPool::kDaemon, [self = self_] { self->end_stalled(); }));
   }
 
  protected:
-  WatchedReader(Daemon& daemon, grpc::CallbackServerContext& context)
+  MonitoredReader(Daemon& daemon, grpc::CallbackServerContext& context)
       : context_(context),
         pool_(daemon.pool),
         stall_seconds_(double(daemon.config.limits.stall_seconds)) {}
 
-  /// A message is there, or none comes any more. read() or finish() follows.
+  /// A read ended; false: the client sends no more. read() or finish() follows.
   virtual void came(bool ok) = 0;
-  /// What came is not used.
+  /// Frees what was received.
   virtual void let_go() = 0;
 
   void read() {
@@ -89,7 +89,7 @@ class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
   bool is_reading_ = false;
   bool is_finished_ = false;
   Standstill standstill_;
-  std::shared_ptr<WatchedReader> self_;  // until OnDone
+  std::shared_ptr<MonitoredReader> self_;  // until OnDone
 };
 
 }  // namespace heliograph::server

@@ -1,5 +1,5 @@
-// One timer for all calls. See call_watch.h.
-#include "server/observe/call_watch.h"
+// One timer for all calls. See stall_monitor.h.
+#include "server/observe/stall_monitor.h"
 
 namespace heliograph::server {
 namespace {
@@ -8,18 +8,18 @@ constexpr auto kEvery = std::chrono::milliseconds(500);
 
 }  // namespace
 
-void CallWatch::start(EventLoop& loop) {
+void StallMonitor::start(EventLoop& loop) {
   loop_ = &loop;
-  loop_->after(kEvery, [this] { look(); });
+  loop_->after(kEvery, [this] { tick(); });
 }
 
-void CallWatch::add(std::weak_ptr<Watched> call) {
+void StallMonitor::add(std::weak_ptr<Monitored> call) {
   const std::lock_guard lock(mutex_);
   calls_.push_back(std::move(call));
 }
 
-void CallWatch::look() {
-  std::vector<std::shared_ptr<Watched>> alive;
+void StallMonitor::tick() {
+  std::vector<std::shared_ptr<Monitored>> alive;
   {
     const std::lock_guard lock(mutex_);
     std::erase_if(calls_, [](const auto& call) { return call.expired(); });
@@ -27,8 +27,8 @@ void CallWatch::look() {
       if (auto found = call.lock()) alive.push_back(std::move(found));
   }
   const auto now = EventLoop::Clock::now();
-  for (const auto& call : alive) call->look_at(now);
-  loop_->after(kEvery, [this] { look(); });
+  for (const auto& call : alive) call->run_tick(now);
+  loop_->after(kEvery, [this] { tick(); });
 }
 
 }  // namespace heliograph::server
