@@ -26,90 +26,90 @@ enum ExitCode : int {
 };
 
 // X(name, default, what it bounds): every limit is a setting, --limit NAME=VALUE.
-#define HELIO_LIMITS(X)                                                                 \
-  X(connections, 256, "open connections; a quarter only of the Unix socket")            \
-  X(connections_per_peer, 64, "those of one process, or over TCP of one address")       \
-  X(metrics_connections, 32, "connections to the metrics' port")                        \
-  X(metrics_connections_per_peer, 8, "those of one address")                            \
-  X(sessions, 256, "open sessions")                                                     \
-  X(calls_per_session, 64, "calls and streams of one session at a time")                \
-  X(quick_calls, 256, "sessions that have a socket for quick calls")                    \
-  X(streams_per_connection, 64, "calls and streams of one connection at a time")        \
-  X(pool_queue, 8192, "requests that wait for a thread, half of them of one tenant")    \
-  X(client_bytes, 256, "bytes of the name that a client gives itself")                  \
-  X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                \
-  X(log_value_bytes, 1024, "bytes of one value in the log")                             \
-  X(slow_call_seconds, 5, "seconds after which the log warns of a call")                \
-  X(slow_render_seconds, 60, "the same of what waits for the device or the decoder")    \
-  X(overload_sessions, 85, "percent of bytes or memory in use: no new sessions")        \
-  X(overload_uploads, 92, "the same: no uploads and decodes")                           \
-  X(overload_jobs, 97, "the same: no render jobs and queries")                          \
-  X(memory_bytes, 1ull << 50, "bytes of memory of the daemon, or what there is")        \
-  X(jobs, 256, "render jobs and queries that wait for the device")                      \
-  X(descriptors, 65'536, "descriptors of frames in shared memory and of quick calls")   \
-  X(reserved_parts, 8, "of each total a tenant has 1 / this that others cannot take")   \
-  X(scenes, 4096, "scenes, private and shared")                                         \
-  X(revisions, 64, "recent revisions a scene keeps")                                    \
-  X(entities, 4'000'000, "entities of a scene")                                         \
-  X(array_bytes, 8ull << 30, "bytes of all arrays of a scene")                          \
-  X(message_bytes, 16ull << 20, "bytes of a request message")                           \
-  X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")              \
-  X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
-  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged before they come")    \
-  X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
-  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")   \
-  X(recent_bytes, 128ull << 20, "bytes of those that a session used and nobody needs")  \
-  X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
-  X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                    \
-  X(credits, 64, "frames or items of one call in work or on their way")                 \
-  X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
-  X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \
-  X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")           \
-  X(stuck_seconds, 60, "seconds in which it stands still before it is not live")        \
-  X(lost_seconds, 10, "seconds a lost device may take to come back before it ends")     \
-  X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")        \
-  X(samples, 1ull << 20, "samples a pixel")                                             \
-  X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays") \
-  X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
-  X(tenant_streams, 256, "open Streams, RenderBatches and Watches of a tenant")         \
-  X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                       \
-  X(tenant_disk_bytes, 16ull << 30, "bytes a tenant's durable scenes have on the disk") \
-  X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
-  X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
-  X(groups, 64, "light groups of one request")                                          \
-  X(worlds, 4096, "worlds of one request")                                              \
-  X(edits, 1'000'000, "edits of one transaction")                                       \
-  X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
-  X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
-  X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
-  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have") \
-  X(journal_queue, 65'536, "edits of one tenant that wait for the disk")                \
-  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk") \
-  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")    \
-  X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")   \
-  X(save_seconds, 120, "seconds that may take")                                         \
-  X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
-  X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")           \
-  X(watch_bytes, 16ull << 20, "bytes of these")                                         \
-  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer of the Unix socket")              \
-  X(tcp_quota_bytes, 256ull << 20, "bytes it may buffer of TCP")                        \
-  X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
-  X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
-  X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
-  X(track_times, 256, "times of one call of Tracks")                                    \
-  X(record_bytes, 1ull << 30, "bytes of a recording, or of all in its folder")          \
-  X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
-  X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
-  X(decode_texels, 1ull << 27, "texels of one decoded picture")                         \
-  X(decode_vertices, 1ull << 26, "vertices of one decoded mesh")                        \
-  X(decode_triangles, 1ull << 27, "triangles of one decoded mesh")                      \
-  X(decode_entities, 1ull << 20, "entities of one decoded model")                       \
-  X(decode_keys, 1ull << 22, "keys of all animations of one decoded model")             \
-  X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")     \
-  X(decode_seconds, 30, "seconds a file may take to decode")                            \
-  X(decodes, 4, "decoder processes at work at a time")                                  \
-  X(decodes_per_tenant, 3, "those of one tenant")                                       \
-  X(decode_queue, 256, "decodes of one tenant that wait for one")
+#define HELIO_LIMITS(X)                                                                       \
+  X(connections, 256, "open connections, a quarter of them Unix socket only")                 \
+  X(connections_per_peer, 64, "connections per process, over TCP per address")                \
+  X(metrics_connections, 32, "connections to the metrics port")                               \
+  X(metrics_connections_per_peer, 8, "connections to it per address")                         \
+  X(sessions, 256, "open sessions")                                                           \
+  X(calls_per_session, 64, "concurrent calls and streams per session")                        \
+  X(quick_calls, 256, "sessions with a socket for quick calls")                               \
+  X(streams_per_connection, 64, "concurrent calls and streams per connection")                \
+  X(pool_queue, 8192, "requests waiting for a thread; half of it for one tenant")             \
+  X(client_bytes, 256, "bytes of a client's name for itself")                                 \
+  X(log_bytes, 1ull << 20, "bytes of queued log lines")                                       \
+  X(log_value_bytes, 1024, "bytes per value in the log")                                      \
+  X(slow_call_seconds, 5, "seconds after which the log warns of a call")                      \
+  X(slow_render_seconds, 60, "the same for calls that use the device or decoder")             \
+  X(overload_sessions, 85, "percent of bytes or memory in use: no new sessions")              \
+  X(overload_uploads, 92, "the same: no uploads and decodes")                                 \
+  X(overload_jobs, 97, "the same: no render jobs and queries")                                \
+  X(memory_bytes, 1ull << 50, "bytes of the daemon's memory, at most what exists")            \
+  X(jobs, 256, "render jobs and queries, waiting or running")                                 \
+  X(descriptors, 65'536, "descriptors of frames in shared memory and of quick calls")         \
+  X(reserved_parts, 8, "each tenant's reserved share of every total: 1 / this")               \
+  X(scenes, 4096, "scenes, private and shared")                                               \
+  X(revisions, 64, "recent revisions kept per scene")                                         \
+  X(entities, 4'000'000, "entities per scene")                                                \
+  X(array_bytes, 8ull << 30, "bytes of all arrays per scene")                                 \
+  X(message_bytes, 16ull << 20, "bytes of a request message")                                 \
+  X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")                    \
+  X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                                     \
+  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged ahead of arrival")          \
+  X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                           \
+  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")         \
+  X(recent_bytes, 128ull << 20, "bytes of used uploads and assets kept per session")          \
+  X(frame_bytes, 4ull << 30, "bytes of all frames per request")                               \
+  X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                          \
+  X(credits, 64, "frames or items per call, in work or in flight")                            \
+  X(waiting_bytes, 64ull << 20, "bytes of waiting requests per call")                         \
+  X(stall_seconds, 30, "seconds a reader may take nothing while data waits")                  \
+  X(hang_seconds, 4, "seconds of a stall before the daemon is not ready")                     \
+  X(stuck_seconds, 60, "seconds of a stall before the daemon is not live")                    \
+  X(lost_seconds, 10, "seconds to recover a lost device before the daemon ends")              \
+  X(probe_seconds, 5, "seconds between two probes, which render a pixel")                     \
+  X(samples, 1ull << 20, "samples per pixel")                                                 \
+  X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays")       \
+  X(tenant_entities, 64'000'000, "entities of all scenes per tenant")                         \
+  X(tenant_streams, 256, "open Stream, RenderBatch and Watch calls per tenant")               \
+  X(tenant_jobs, 256, "render jobs and queries per tenant, waiting or running")               \
+  X(tenant_disk_bytes, 16ull << 30, "bytes of durable scenes on the disk per tenant")         \
+  X(tenant_edits_per_second, 1'000'000, "edits per second, averaged over 10 s")               \
+  X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels per second, same")     \
+  X(groups, 64, "light groups per request")                                                   \
+  X(worlds, 4096, "worlds per request")                                                       \
+  X(edits, 1'000'000, "edits per transaction")                                                \
+  X(replies, 1024, "replies kept per session and scene, for retries")                         \
+  X(resume_seconds, 600, "seconds after the start to resume sessions in")                     \
+  X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")                 \
+  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or of the scenes if more")            \
+  X(journal_queue, 65'536, "edits waiting for the disk per tenant")                           \
+  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk")       \
+  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants that use little")            \
+  X(saved_bytes, 16ull << 30, "bytes of other scenes saved when the device is lost")          \
+  X(save_seconds, 120, "seconds that saving them may take")                                   \
+  X(reply_bytes, 16ull << 20, "bytes of replies kept per session and scene, and per session") \
+  X(watch_events, 16'384, "newest transactions kept per scene for Watch")                     \
+  X(watch_bytes, 16ull << 20, "bytes of these transactions")                                  \
+  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer for the Unix socket")                   \
+  X(tcp_quota_bytes, 256ull << 20, "bytes gRPC may buffer for TCP")                           \
+  X(derived_bytes, 4ull << 30, "bytes of unused derived data, kept as a cache")               \
+  X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")           \
+  X(query_items, 1u << 20, "rays, pixels, points or pairs per query")                         \
+  X(track_times, 256, "times per call of Tracks")                                             \
+  X(record_bytes, 1ull << 30, "bytes of a recording, or of all in its folder")                \
+  X(decode_bytes, 2ull << 30, "address space of a decoder process")                           \
+  X(decode_result_bytes, 1ull << 30, "bytes of a decoder's result")                           \
+  X(decode_texels, 1ull << 27, "texels per decoded picture")                                  \
+  X(decode_vertices, 1ull << 26, "vertices per decoded mesh")                                 \
+  X(decode_triangles, 1ull << 27, "triangles per decoded mesh")                               \
+  X(decode_entities, 1ull << 20, "entities per decoded model")                                \
+  X(decode_keys, 1ull << 22, "keys of all animations per decoded model")                      \
+  X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")           \
+  X(decode_seconds, 30, "seconds a file may take to decode")                                  \
+  X(decodes, 4, "concurrent decoder processes")                                               \
+  X(decodes_per_tenant, 3, "concurrent decoder processes per tenant")                         \
+  X(decode_queue, 256, "waiting decodes per tenant")
 
 struct Limits {
 #define HELIO_LIMIT(name, value, text) u64 name = value;
