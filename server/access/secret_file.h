@@ -38,8 +38,7 @@ class FileWatch {
   std::string last_;
   EventLoop* loop_ = nullptr;
   std::function<void()> changed_;
-  std::shared_ptr<int> alive_ =
-      std::make_shared<int>(0);  // expires with this object; the timer checks it
+  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // the timer checks it
 };
 
 }  // namespace heliograph::server

@@ -36,9 +36,8 @@ using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
-constexpr double kUnheardSeconds =
-    2;  // stall of the loop after which a pending signal is handled without it
-constexpr unsigned kLastSeconds = 8;  // time limit for device, disk and the rest to end
+constexpr double kUnheardSeconds = 2;  // loop stall after which signals bypass it
+constexpr unsigned kLastSeconds = 8;   // time limit for device, disk and the rest to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
 
 /// Everything that runs once the sockets listen.
@@ -82,8 +81,8 @@ class Life {
   std::unique_ptr<MetricsPort> metrics_;
   bool is_draining_ = false;
   bool is_hurried_ = false;  // by a second signal
-  std::optional<EventLoop::Clock::time_point>
-      unheard_;  // since when a signal is pending; accessed by the watchdog
+  // Since when a signal is pending. Thread: the watchdog's.
+  std::optional<EventLoop::Clock::time_point> unheard_;
   int exit_code_ = kExitOk;
 };
 

@@ -57,8 +57,8 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   Call call_;
   const v1::DecodeAssetRequest& request_;
   std::stop_source stop_;
-  Decoder* decoder_ =
-      nullptr;  // its threads may hold this call while the daemon releases the decoder
+  // Its threads may hold this call while the daemon releases the decoder.
+  Decoder* decoder_ = nullptr;
   v1::DecodeAssetRequest named_;  // the decoded bundle: its files, by hash, and its options
   std::vector<DecodeFile> files_;
   std::vector<Charge> read_;  // of files of the asset root

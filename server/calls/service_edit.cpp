@@ -11,8 +11,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kShortBytes = 64
-                                    << 10;  // up to which an edit is checked in the caller's thread
+constexpr std::size_t kShortBytes = 64 << 10;  // checked in the caller's thread
 
 EditLog::Reply refuse(Error error) {
   return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));

@@ -130,11 +130,10 @@ struct Config {
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
-  u32 threads = 0;  // threads that render; 0: see --threads
-  u32 devices = 0;  // 0: all
-  u64 spread_samples =
-      16'000'000;  // samples of a picture, over all pixels, from which it spreads over devices
-  u64 device_memory = 0;  // bytes per device; 0: nine tenths of its free memory
+  u32 threads = 0;                  // threads that render; 0: see --threads
+  u32 devices = 0;                  // 0: all
+  u64 spread_samples = 16'000'000;  // of a picture, from which it spreads over devices
+  u64 device_memory = 0;            // bytes per device; 0: nine tenths of its free memory
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;                   // "": server_path is refused

@@ -65,8 +65,8 @@ struct DecoderOptions {
 /// Confinement of decodes, as the latest child reported it.
 struct DecoderState {
   std::vector<std::string> sandbox;  // layers in force
-  std::vector<std::string>
-      refused;  // layers that the kernel refused and the operator disabled: "landlock: reason"
+  // Layers that the kernel refused and the operator disabled: "landlock: reason".
+  std::vector<std::string> refused;
   std::string versions;  // of libraries
   Status works = {};     // else the reason why no file can be decoded, with the remedy
 };

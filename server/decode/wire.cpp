@@ -128,8 +128,7 @@ Expected<Fd> write_region(const google::protobuf::MessageLite& message,
 
 Expected<std::shared_ptr<const Region>> Region::map(int fd, std::uint64_t largest) {
   const int seals = fcntl(fd, F_GET_SEALS);
-  const off_t end =
-      lseek(fd, 0, SEEK_END);  // the sandbox allows no fstat(): its system call also takes paths
+  const off_t end = lseek(fd, 0, SEEK_END);  // not fstat(): its system call takes paths
   if (seals < 0 || (seals & kSeals) != kSeals || end < 0) {
     return fail(Code::kInvalidArgument, "", "the memfd is not sealed");
   }

@@ -151,8 +151,7 @@ void Journal::work() {
 Status Journal::write(Control& control, journal::Head& next) {
   for (journal::SceneRow& row : control.added) {
     if (!control.is_snapshot) row.set_record(next.last());
-    if (control.is_snapshot && !next_rows_.contains(row.scene()))
-      continue;  // the scene was deleted meanwhile
+    if (control.is_snapshot && !next_rows_.contains(row.scene())) continue;  // deleted meanwhile
     const std::string body = row.SerializeAsString();
     HELIO_TRY(database_->put(Rows::kScenes, row.scene(), body, sum_of(0, row.scene(), body)));
     next_rows_[row.scene()] = row;

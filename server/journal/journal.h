@@ -218,11 +218,10 @@ class Journal {
   WriteQueue<Item> queue_;
   std::size_t wanted_ = 1;  // queue length that wakes the writer
   Status status_;
-  std::set<u64> changed_scenes_;  // since their snapshot
-  bool is_encoding_ = false;      // a snapshot is being made
-  bool wants_room_ = false;       // a snapshot is due to free room
-  std::chrono::steady_clock::time_point
-      next_snapshot_{};   // earliest time of the next one made for room
+  std::set<u64> changed_scenes_;                           // since their snapshot
+  bool is_encoding_ = false;                               // a snapshot is being made
+  bool wants_room_ = false;                                // a snapshot is due to free room
+  std::chrono::steady_clock::time_point next_snapshot_{};  // earliest one for room
   bool is_full_ = false;  // the disk was full: the reserve is released, only removals are written
   bool is_refusing_ = false;
   bool is_stopping_ = false;

@@ -132,8 +132,7 @@ class Observer final : public grpc::experimental::Interceptor {
   const CallMethod* const method_;  // null: a method of another service
   const CallRecordPtr record_;
   std::string id_;
-  CallOutcome outcome_{.code =
-                           grpc::CANCELLED};  // kept when the call ends without a status of ours
+  CallOutcome outcome_{.code = grpc::CANCELLED};  // unless we set a status
 };
 
 }  // namespace

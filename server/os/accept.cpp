@@ -69,8 +69,7 @@ bool is_member(int connection, gid_t first, gid_t group) {
 /// Makes the kernel refuse descriptors: gRPC uses none, and the kernel would close them in gRPC's
 /// threads. Accepted connections inherit this.
 void refuse_descriptors(int fd) {
-  constexpr int kPassRights =
-      83;  // SO_PASSRIGHTS, since Linux 6.16; older kernels refuse the option
+  constexpr int kPassRights = 83;  // SO_PASSRIGHTS of Linux 6.16; older kernels refuse it
   const int no = 0;
   ::setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof no);
 }

@@ -83,8 +83,7 @@ class Listener {
   ListeningSocket socket_;
   Take take_;
   bool is_unix_ = false;
-  std::shared_ptr<int> alive_ =
-      std::make_shared<int>(0);  // expires with this object; timers check it
+  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // timers check it
 };
 
 /// Counts connections that gRPC owns. Owns: a duplicate of each, which reports the hang-up. Thread:

@@ -69,8 +69,8 @@ u32 Closer::open() const {
 }
 
 void Closer::close_now(UniqueFd fd) {
-  const linger
-      none{};  // overrides the sender's, which would block; fails harmlessly for non-sockets
+  // Replaces the sender's linger, which would block. Fails harmlessly for non-sockets.
+  const linger none{};
   ::setsockopt(fd.get(), SOL_SOCKET, SO_LINGER, &none, sizeof none);
 }
 

@@ -31,9 +31,8 @@ class Watchdog {
   };
   /// Called on changes. Thread: the watchdog's.
   struct Handlers {
-    std::function<void(const std::string& fault)>
-        on_fault;                               // when it changes; "": no part is stalled
-    std::function<void(bool is_live)> on_live;  // when it changes
+    std::function<void(const std::string& fault)> on_fault;  // when it changes; "": no stall
+    std::function<void(bool is_live)> on_live;               // when it changes
     std::function<void(double loop_still_seconds)> on_tick;  // on every tick, 4 per second
   };
   Watchdog(EventLoop& loop, const Log& log, Options options);

@@ -123,8 +123,7 @@ Status Scenes::check_lifetime(v1::Lifetime lifetime) const {
 u64 Scenes::new_id() const {
   u64 id = 0;
   while (id == 0 || scenes_.contains(id)) {
-    [[maybe_unused]] const auto size =
-        ::getrandom(&id, sizeof id, 0);  // 8 bytes are never cut short
+    [[maybe_unused]] const auto size = ::getrandom(&id, sizeof id, 0);  // never short for 8 bytes
     id >>= 11;
   }
   return id;

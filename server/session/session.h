@@ -109,9 +109,8 @@ class Session {
   std::atomic<std::shared_ptr<SharedFrames>> shared_frames_;
   Charge counted_;                          // held while it is open; accessed by Sessions only
   std::atomic<bool> is_shut_down_ = false;  // the daemon ended it
-  u32 attachments_ = 0;  // local channel and KeepSession streams; guarded by Sessions::mutex_
-  u64 detach_epoch_ =
-      0;  // counts detachments of the last one; a grace timer of an older epoch is void
+  u32 attachments_ = 0;   // local channel and KeepSession streams; guarded by Sessions::mutex_
+  u64 detach_epoch_ = 0;  // counts last detachments; voids older grace timers
 };
 
 /// Checks that a session is open. CANCELLED when it ended, UNAVAILABLE when the daemon ended it.

@@ -83,8 +83,7 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
     error.error().available = limits_.blob_bytes;
     return error;
   }
-  auto charge =
-      Charge::take(std::move(budget), size + kOverhead);  // refuses a size that can never fit
+  auto charge = Charge::take(std::move(budget), size + kOverhead);  // refuses what never fits
   if (!charge) return std::unexpected(std::move(charge).error().at("size"));
   auto storage = std::make_shared<Incoming::Storage>();
   storage->bytes.reset(new (std::nothrow) std::byte[std::max<u64>(size, 1)]);

@@ -85,8 +85,7 @@ class SessionArrays final : public ArraySource {
   AssetStore& assets_;
   const std::shared_ptr<Budget> budget_;
   SharedUploads shared_;
-  const std::shared_ptr<const bool> bringing_ =
-      std::make_shared<bool>();  // held by uploads in progress
+  const std::shared_ptr<const bool> bringing_ = std::make_shared<bool>();  // held by uploads
   std::mutex mutex_;
   Recent recent_;
 };

@@ -10,9 +10,8 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kMost = 16'384;  // unused buffers of a session; further ones are dropped
-constexpr u64 kFewestMapped =
-    1 << 20;  // bytes; smaller buffers are copied, since mappings are few (vm.max_map_count)
+constexpr std::size_t kMost = 16'384;   // unused buffers of a session; further ones are dropped
+constexpr u64 kFewestMapped = 1 << 20;  // bytes; smaller buffers are copied: mappings are few
 constexpr u64 kAlignment = 64;
 
 bool is_sealed(int fd) {

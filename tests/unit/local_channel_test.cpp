@@ -94,7 +94,7 @@ TEST_CASE("local channel: one that no session has ends after a while, and its ti
   REQUIRE(daemon.channel->bind(used, 7));
   CHECK(received(unbound).empty());
   CHECK_FALSE(daemon.channel->bind(unused, 8));
-  CHECK(daemon.channel->tell(7, {}, nullptr));
+  CHECK(daemon.channel->send(7, {}, nullptr));
   CHECK(received(bound).size() == sizeof(BufferMessage));
 }
 
