@@ -304,10 +304,10 @@ TEST_CASE("medium: surfaces are left as they were entered") {
   cross(second, out);
   CHECK(inside.depth == 1);
   for (u32 i = 0; i < 9; ++i) cross(first, in);
-  CHECK(inside.depth == kMostInside);
+  CHECK(inside.depth == kMaxMediumDepth);
   MaterialView sheet = a;
   sheet.thin_walled = true;
   first.material = &sheet;
   cross(first, out);
-  CHECK(inside.depth == kMostInside);
+  CHECK(inside.depth == kMaxMediumDepth);
 }
