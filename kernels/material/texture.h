@@ -163,7 +163,7 @@ KERNEL vec4 as_radiance(vec4 v) {
 
 /// Four neighbouring texels, mixed.
 template <TexelType T, u32 kChannels, bool kRadiance>
-KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
+HELIO_ALWAYS_INLINE KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
   const u64 top_row = u64(y.first) * texture.width;
   const u64 bottom_row = u64(y.second) * texture.width;
   vec4 a = load_rgba<T, kChannels>(texture, top_row + x.first);
