@@ -10,6 +10,7 @@
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
+namespace kernels = heliograph::kernels;  // its names where the C library has them, too
 
 namespace {
 
@@ -57,12 +58,13 @@ TEST_CASE("lanes: arithmetic, order and roots are those of floats") {
     check_same([](auto x, auto y) { return min2(x, y); }, a, b);
     check_same([](auto x, auto y) { return max2(y, x); }, a, b);
     check_same([](auto x, auto y) { return select(x < y, x, y) + select(x >= y, x, -y); }, a, b);
-    check_same([](auto x, auto) { return floor(x); }, a, b);
-    check_same([](auto x, auto y) { return abs(x) * sign_of(y); }, a, b);
+    check_same([](auto x, auto) { return kernels::floor(x); }, a, b);
+    check_same([](auto x, auto y) { return kernels::abs(x) * sign_of(y); }, a, b);
     check_same([](auto x, auto) { return safe_sqrt(x); }, a, b);
     check_same([](auto x, auto) { return clamp01(x); }, a, b);
-    check_same([](auto x, auto y) { return rescale_uniform(abs(x), abs(y)); }, b, b);
-    check_same([](auto x, auto) { return to_float(to_int(abs(x))); }, b, b);
+    check_same([](auto x, auto y) { return rescale_uniform(kernels::abs(x), kernels::abs(y)); }, b,
+               b);
+    check_same([](auto x, auto) { return to_float(to_int(kernels::abs(x))); }, b, b);
   }
 }
 
@@ -75,10 +77,11 @@ TEST_CASE("lanes: vectors, frames, angles and microfacets are those of floats") 
     const Vec3<Floats> local = to_local(frame, v);
     const Floats turns = random_floats(random, 3);
     const SinCosOf<Floats> angle = sincos_turns(turns);
-    const Floats alpha = abs(random_floats(random, 1)) + 0.01f;
+    const Floats alpha = kernels::abs(random_floats(random, 1)) + 0.01f;
     const AlbedoOf<Floats> albedo = albedo_at(albedo_row(alpha), turns);
-    const Vec3<Floats> wo(n.x, n.y, abs(n.z) + 0.01f);
-    const Vec2<Floats> u(abs(random_floats(random, 1)), abs(random_floats(random, 1)));
+    const Vec3<Floats> wo(n.x, n.y, kernels::abs(n.z) + 0.01f);
+    const Vec2<Floats> u(kernels::abs(random_floats(random, 1)),
+                         kernels::abs(random_floats(random, 1)));
     const Vec3<Floats> h = sample_ggx(wo, GgxOf<Floats>{alpha, alpha}, u);
     for (u32 k = 0; k < kLanes; ++k) {
       const vec3 one = lane_of(v, k), unit = normalize(one);

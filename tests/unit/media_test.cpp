@@ -49,7 +49,7 @@ CameraView keyhole(float z, u32 size = 1) {
 SunView sun(vec3 direction, float irradiance) {
   const float depth = 1e-5f;
   return {.direction = normalize(direction),
-          .depth = depth,
+          .one_minus_cos = depth,
           .radiance = vec3(irradiance / (2 * kPi * depth)),
           .probability = 1,
           .visibility = kAllRays};
