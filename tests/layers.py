@@ -1,6 +1,7 @@
 """The dependency rule: which layer may include which, and which may include a heavy library.
 
 usage: layers.py ROOT; prints file:line of each breach. Run by ctest.
+       layers.py --pages ROOT; prints each room whose README.md does not say what it may include.
 """
 
 import pathlib
@@ -117,6 +118,17 @@ def breach(mine: str, own: str | None, library: str | None) -> bool:
     return users is not None and mine not in users
 
 
+def wrong_pages(root: pathlib.Path) -> int:
+    wrong = 0
+    for room, names in (KERNELS | RENDERER | SERVER).items():
+        page = root / room / "README.md"
+        line = f"May include: {', '.join(names.split()) or 'no other room'}."
+        if not page.exists() or line not in page.read_text().splitlines():
+            print(f"{page.relative_to(root)}: has no line '{line}'")
+            wrong += 1
+    return 1 if wrong else 0
+
+
 def main(root: pathlib.Path) -> int:
     breaches = 0
     for folder in ("kernels", "renderer", "server"):
@@ -134,4 +146,5 @@ def main(root: pathlib.Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(pathlib.Path(sys.argv[1])))
+    pages = sys.argv[1] == "--pages"
+    sys.exit((wrong_pages if pages else main)(pathlib.Path(sys.argv[-1])))

@@ -25,14 +25,14 @@ BREACHES = {
 }
 
 
-def run(files: dict[str, str]) -> tuple[int, str]:
+def run(files: dict[str, str], *flags: str) -> tuple[int, str]:
     with tempfile.TemporaryDirectory() as root:
         for name, text in files.items():
             path = pathlib.Path(root, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
         done = subprocess.run(
-            [sys.executable, LAYERS, root], capture_output=True, text=True, check=False
+            [sys.executable, LAYERS, *flags, root], capture_output=True, text=True, check=False
         )
         return done.returncode, done.stdout
 
@@ -45,6 +45,11 @@ def main() -> int:
         line = text.count("\n")
         assert code == 1 and out.startswith(f"{name}:{line}: "), (name, code, out)
         assert out.count("\n") == 1, out
+    page = {"kernels/core/README.md": "# kernels/core\n\nMay include: no other room.\n"}
+    code, out = run({**CLEAN, **page}, "--pages")
+    assert code == 1 and "kernels/core" not in out, out
+    wrong = "kernels/geometry/README.md: has no line 'May include: core, scene, material.'"
+    assert wrong in out, out
     print(f"{len(BREACHES)} planted breaches found")
     return 0
 

@@ -24,13 +24,13 @@ KERNEL void cover(Reflectances& r, const Base& b, const Reflectances& film) {
 }
 
 /// Reflectances of the film at cosine c.
-HELIO_CALL KERNEL Reflectances film_at(const Base& b, float c) {
+HELIO_GPU_NOINLINE KERNEL Reflectances film_at(const Base& b, float c) {
   const FilmFace face = film_face(b.film, c);
   return {film_on_schlick(face, b.film_coat) * b.coat_f90, film_on_schlick(face, b.film_metal)};
 }
 
 /// Their averages by cosine.
-HELIO_CALL KERNEL Reflectances average_film(const Base& b) {
+HELIO_GPU_NOINLINE KERNEL Reflectances average_film(const Base& b) {
   // Gauss-Legendre with 4 points.
   const float places[4] = {0.06943184f, 0.33000948f, 0.66999052f, 0.93056816f};
   const float weights[4] = {0.17392742f, 0.32607258f, 0.32607258f, 0.17392742f};
@@ -70,7 +70,7 @@ KERNEL float open_to(const Base& b, vec3 wi) {
 }
 
 /// Averages of the film over the light that leaves to wo.
-HELIO_CALL KERNEL Reflectances seen_film(const Base& b) {
+HELIO_GPU_NOINLINE KERNEL Reflectances seen_film(const Base& b) {
   Reflectances sum;
   float all = 1e-6f;
   see_facets(b, [&](vec3 wo, vec3 h, float weight) {
@@ -96,7 +96,7 @@ struct FilmOnFace {
   vec3 reflected{0};  // of light that is reflected, by facets at which it could refract
   vec3 refracted{0};  // of light that refracts: lost
 };
-HELIO_CALL KERNEL FilmOnFace film_on_face(const Base& b) {
+HELIO_GPU_NOINLINE KERNEL FilmOnFace film_on_face(const Base& b) {
   FilmOnFace sum;
   see_facets(b, [&](vec3 wo, vec3 h, float weight) {
     const float c = max2(dot(wo, h), 0.0f);

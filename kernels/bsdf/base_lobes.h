@@ -78,14 +78,14 @@ KERNEL Facet facet_of(const Base& b, float c) {
   return f;
 }
 
-HELIO_CALL KERNEL void add_sheet(const Base& b, vec3 wi, BsdfValue& out) {
+HELIO_GPU_NOINLINE KERNEL void add_sheet(const Base& b, vec3 wi, BsdfValue& out) {
   const vec3 mirrored(wi.x, wi.y, -wi.z);
   const float density = ggx_density(normalize(b.wo + mirrored), b.through);
   out.glossy = through_color(b) * (ggx_reflection(b.wo, mirrored, density, b.through) * mirrored.z);
   out.pdf = through_probability(b) * 0.25f * ggx_visible_density(b.wo, density, b.through);
 }
 
-HELIO_STEP KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
   vec3 h = b.wo + wi * b.eta;
   h = normalize(h.z < 0 ? -h : h);
   const float wo_h = dot(b.wo, h);
@@ -171,7 +171,7 @@ struct Chosen {
 };
 
 /// Passes on light to the other side by a lobe of its own.
-HELIO_CALL KERNEL Chosen choose_through(const Base& b, vec2 u, BsdfSample& s) {
+HELIO_GPU_NOINLINE KERNEL Chosen choose_through(const Base& b, vec2 u, BsdfSample& s) {
   const vec3 h = b.through_delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.through, u);
   const float wo_h = dot(b.wo, h);
   s.lobe = Lobe::kTransmission;

@@ -161,7 +161,7 @@ inline constexpr float kMostThrough = 2;
 
 /// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
 /// its roughness. Returns as set_interface().
-HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
+HELIO_GPU_NOINLINE KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
   // From inside what refracts roughly would be caught by a polished face: light that came in at an
   // angle must get out at it.
   const bool leaves = b.interface == Interface::kSplit && b.eta < 1;
@@ -198,7 +198,8 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-HELIO_STEP KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec2 set_interface(Base& b, const MaterialValues& m,
+                                                          const ShadingPoint& at) {
   const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;

@@ -18,7 +18,8 @@ struct Bsdf : Base {
 KERNEL bool is_layered(const Bsdf& b) { return kRich && b.layered; }
 
 /// In place: a Bsdf is large, and most of it stays unset where there are no layers.
-HELIO_STEP KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m,
+                                                     const ShadingPoint& at) {
   const bool front = dot(at.wo, at.ng) >= 0;
   b.ng = front ? at.ng : -at.ng;
   set_base(b, m, at, front ? at.ns : -at.ns);
@@ -34,7 +35,7 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
 }
 
 /// wi   unit, world
-HELIO_STEP KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
   const vec3 wi = to_local(b.frame, wi_world);
   const float side = dot(b.ng, wi_world);
   BsdfValue out = evaluate_base(b, wi, side);
@@ -86,7 +87,8 @@ KERNEL bool sample_layered(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
 /// Chooses a direction; false when light from there counts for nothing.
 ///
 /// u_lobe, u   uniform in [0, 1)
-HELIO_STEP KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u,
+                                                        BsdfSample& s) {
   return is_layered(b) ? sample_layered(b, u_lobe, u, s)
                        : finish_sample(b, choose_base(b, u_lobe, u, s), s);
 }

@@ -64,14 +64,14 @@ KERNEL F ggx_density(Vec3<F> h, GgxOf<F> g) {
 /// D(h) G1(wo) / wo.z: times |wo.h| it is the density of visible normals.
 template <class F>
 KERNEL F ggx_visible_density(Vec3<F> wo, F density, GgxOf<F> g) {
-  return 2 * density / (wo.z + root(ggx_slope2(g, wo) + wo.z * wo.z));
+  return 2 * density / (wo.z + sqrt(ggx_slope2(g, wo) + wo.z * wo.z));
 }
 
 /// D(h) G2(wo, wi) / (4 wo.z wi.z), with heights correlated (Heitz 2014, section 5.4).
 template <class F>
 KERNEL F ggx_reflection(Vec3<F> wo, Vec3<F> wi, F density, GgxOf<F> g) {
-  const F a = wi.z * root(ggx_slope2(g, wo) + wo.z * wo.z);
-  const F b = wo.z * root(ggx_slope2(g, wi) + wi.z * wi.z);
+  const F a = wi.z * sqrt(ggx_slope2(g, wo) + wo.z * wo.z);
+  const F b = wo.z * sqrt(ggx_slope2(g, wi) + wi.z * wi.z);
   return 0.5f * density / (a + b);
 }
 
@@ -118,11 +118,12 @@ inline constexpr float kSchlickMean = 1 / 21.0f;  // the average of Schlick's we
 template <class F>
 KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
   const IntOf<F> i = row.row * 2;
-  const F total = at(kReflectionAverageLoss, i), schlick = at(kReflectionAverageLoss, i + 1);
+  const F total = gather(kReflectionAverageLoss, i),
+          schlick = gather(kReflectionAverageLoss, i + 1);
   const F scale = sqr(row.alpha);
-  return {1 - (total + (at(kReflectionAverageLoss, i + 2) - total) * row.weight) * scale,
+  return {1 - (total + (gather(kReflectionAverageLoss, i + 2) - total) * row.weight) * scale,
           kSchlickMean -
-              (schlick + (at(kReflectionAverageLoss, i + 3) - schlick) * row.weight) * scale};
+              (schlick + (gather(kReflectionAverageLoss, i + 3) - schlick) * row.weight) * scale};
 }
 template <class F>
 KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
@@ -133,8 +134,8 @@ KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
   const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
   const IntOf<F> second = first + i32(2 * kAlbedoCosines);
   const auto between = [&](i32 k) {
-    const F a = at(kReflectionLoss, first + k);
-    return a + (at(kReflectionLoss, second + k) - a) * row.weight;
+    const F a = gather(kReflectionLoss, first + k);
+    return a + (gather(kReflectionLoss, second + k) - a) * row.weight;
   };
   const F total = between(0), schlick = between(1), scale = loss_scale(c, row.alpha);
   return {1 - (total + (between(2) - total) * w) * scale,
@@ -158,7 +159,7 @@ KERNEL Place place_at(float x, u32 n) {
 }
 
 /// w: unit, local
-HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
+HELIO_GPU_NOINLINE KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   const float sine = std::sqrt(w.x * w.x + w.y * w.y);
   const float cos_phi = sine > 0 ? std::fabs(w.x) / sine : 0.5f;
   const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
@@ -187,7 +188,7 @@ HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   const float scale = loss_scale(cosine, along);
   return {1 - loss.total * scale, schlick_weight(cosine) - loss.schlick * scale};
 }
-HELIO_CALL KERNEL Albedo albedo_average(const AnisotropicRow& row) {
+HELIO_GPU_NOINLINE KERNEL Albedo albedo_average(const AnisotropicRow& row) {
   const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
   const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
   Albedo loss{0, 0};
@@ -212,8 +213,8 @@ struct GlassAlbedo {
   float kept;  // what refracts more if those facets reflect nothing
 };
 /// Between the entries of a table with so many iors, roughnesses and cosines; places from 0 to 1.
-HELIO_CALL KERNEL GlassAlbedo glass_between(const float* table, u32 iors, u32 roughnesses,
-                                            u32 cosines, vec3 places) {
+HELIO_GPU_NOINLINE KERNEL GlassAlbedo glass_between(const float* table, u32 iors, u32 roughnesses,
+                                                    u32 cosines, vec3 places) {
   const Place i = place_at(places.x * float(iors - 1), iors);
   const Place j = place_at(places.y * float(roughnesses - 1), roughnesses);
   const Place k = place_at(places.z * float(cosines - 1), cosines);

@@ -29,7 +29,7 @@ KERNEL F dense_place(F x, F scale) {
 /// Half by scale, half by the root.
 template <class F>
 KERNEL F axis_place(F x, F scale) {
-  return F(0.5f) * (dense_place(x, scale) + root(x));
+  return F(0.5f) * (dense_place(x, scale) + sqrt(x));
 }
 
 /// What microfacets lose at a cosine over this is nearly constant, in alpha and in the cosine.
@@ -43,7 +43,7 @@ KERNEL F loss_scale(F cosine, F alpha) {
 /// Places of an index of refraction above 1, and of an aspect, from 0 to 1 in their tables.
 template <class F>
 KERNEL F ior_place(F ior) {
-  return (root((ior - 1) / (ior + 1)) - kLeastIorRoot) / (kLargestIorRoot - kLeastIorRoot);
+  return (sqrt((ior - 1) / (ior + 1)) - kLeastIorRoot) / (kLargestIorRoot - kLeastIorRoot);
 }
 template <class F>
 KERNEL F aspect_place(F aspect) {

@@ -96,7 +96,7 @@ KERNEL vec3 reflect_film(const FilmFace& face, vec3 s, vec3 p) {
 /// Reflectance of a film on an interface of index eta.
 ///
 /// c, eta   as of fresnel_dielectric()
-HELIO_CALL KERNEL vec3 film_on_dielectric(const ThinFilm& film, float c, float eta) {
+HELIO_GPU_NOINLINE KERNEL vec3 film_on_dielectric(const ThinFilm& film, float c, float eta) {
   const FilmFace face = film_face(film, c);
   if (!(face.outer.cos_t > 0)) return vec3(1);
   const Amplitude inner = amplitude_of(face.outer.cos_t, eta / film.ior);

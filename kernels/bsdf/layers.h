@@ -61,7 +61,8 @@ KERNEL float average_entering(const Layers& l, const Base& b) {
 }
 
 /// Puts layers on a base; n: the clearcoat's normal on wo's side.
-HELIO_CALL KERNEL void set_layers(Layers& l, Base& b, const MaterialValues& m, vec3 wo, vec3 n) {
+HELIO_GPU_NOINLINE KERNEL void set_layers(Layers& l, Base& b, const MaterialValues& m, vec3 wo,
+                                          vec3 n) {
   l.clearcoat = m.clearcoat;
   if (l.clearcoat > 0) {
     l.coat = make_frame(bend_normal(b.ng, wo, n));
@@ -109,8 +110,8 @@ KERNEL float clearcoat_fresnel(const Layers& l, float c) {
 }
 
 /// Adds what the layers reflect to wi, which lies above the surface and is local to the base.
-HELIO_CALL KERNEL void add_layers(const Layers& l, const Base& b, vec3 wi, vec3 wi_world,
-                                  BsdfValue& out) {
+HELIO_GPU_NOINLINE KERNEL void add_layers(const Layers& l, const Base& b, vec3 wi, vec3 wi_world,
+                                          BsdfValue& out) {
   if (l.sheen_weight > 0 && wi.z > 0) {
     out.diffuse += l.sheen_color * (l.below_clearcoat * sheen_reflection(l.sheen, b.wo, wi));
     out.pdf += sheen_probability(l) * (0.5f * kInvPi);
@@ -126,7 +127,8 @@ HELIO_CALL KERNEL void add_layers(const Layers& l, const Base& b, vec3 wi, vec3 
 }
 
 /// Reflects from the clearcoat.
-HELIO_CALL KERNEL Chosen choose_clearcoat(const Layers& l, const Base& b, vec2 u, BsdfSample& s) {
+HELIO_GPU_NOINLINE KERNEL Chosen choose_clearcoat(const Layers& l, const Base& b, vec2 u,
+                                                  BsdfSample& s) {
   const vec3 h = l.delta ? vec3(0, 0, 1) : sample_ggx(l.coat_wo, l.facets, u);
   const float wo_h = dot(l.coat_wo, h);
   const vec3 wi = h * (2 * wo_h) - l.coat_wo;
@@ -138,7 +140,7 @@ HELIO_CALL KERNEL Chosen choose_clearcoat(const Layers& l, const Base& b, vec2 u
 }
 
 /// Uniform over the hemisphere, which bounds the weight: the reflection times the cosine is finite.
-HELIO_CALL KERNEL Chosen choose_sheen(const Base& b, vec2 u, BsdfSample& s) {
+HELIO_GPU_NOINLINE KERNEL Chosen choose_sheen(const Base& b, vec2 u, BsdfSample& s) {
   const float r = safe_sqrt(1 - u.x * u.x);
   const SinCos phi = sincos_turns(u.y);
   s.wi = to_world(b.frame, vec3(r * phi.cos, r * phi.sin, u.x));

@@ -67,14 +67,14 @@ KERNEL u32 highest_bit(u32 bits) {
 }
 
 /// A NaN among the two is dropped where it comes first.
-KERNEL float fewer(float a, float b) {
+KERNEL float min_drop_first_nan(float a, float b) {
 #if defined(__CUDA_ARCH__)
   return fminf(a, b);
 #else
   return a < b ? a : b;
 #endif
 }
-KERNEL float greater(float a, float b) {
+KERNEL float max_drop_first_nan(float a, float b) {
 #if defined(__CUDA_ARCH__)
   return fmaxf(a, b);
 #else
@@ -200,8 +200,8 @@ KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, const Planes& near, con
     for (int k = 0; k < 3; ++k) {
       const float low = of_byte(boxes.near[k], i, of_bits);
       const float high = of_byte(boxes.far[k], i, of_bits);
-      begin = greater(mul_add(low, near.scale[k], near.offset[k]), begin);
-      end = fewer(mul_add(high, far.scale[k], far.offset[k]), end);
+      begin = max_drop_first_nan(mul_add(low, near.scale[k], near.offset[k]), begin);
+      end = min_drop_first_nan(mul_add(high, far.scale[k], far.offset[k]), end);
     }
     if (begin <= end) met |= shifted(byte_of(bits, i), shifts >> 8 * i);
   }
@@ -344,7 +344,9 @@ KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 directi
   const vec2 a = place(across, to_a);
   const vec2 b = place(across, triangle.b - origin), c = place(across, triangle.c - origin);
   const float of_a = side(b, c), of_b = side(c, a), of_c = side(a, b);
-  if (fewer(fewer(of_a, of_b), of_c) < 0 && greater(greater(of_a, of_b), of_c) > 0) return false;
+  if (min_drop_first_nan(min_drop_first_nan(of_a, of_b), of_c) < 0 &&
+      max_drop_first_nan(max_drop_first_nan(of_a, of_b), of_c) > 0)
+    return false;
   const vec3 normal = cross(triangle.b - triangle.a, triangle.c - triangle.a);
   const float t = dot(normal, to_a) / dot(normal, direction), all = of_a + of_b + of_c;
   if (!(t > 0 && t <= t_max && all != 0)) return false;  // equals are equal whichever comes first

@@ -215,7 +215,7 @@ KERNEL bool is_rectilinear(const LensModel<F>& lens) {
 
 /// Where on the normalised image plane a point is seen; false: nowhere, and m is not set.
 template <class F>
-HELIO_CALL KERNEL bool project(const LensModel<F>& lens, Vec3<F> p, Vec2<F>& m) {
+HELIO_GPU_NOINLINE KERNEL bool project(const LensModel<F>& lens, Vec3<F> p, Vec2<F>& m) {
   const F r = std::sqrt(p.x * p.x + p.y * p.y);
   switch (lens.projection) {
     case Projection::kOrthographic:
@@ -243,7 +243,7 @@ HELIO_CALL KERNEL bool project(const LensModel<F>& lens, Vec3<F> p, Vec2<F>& m) 
 /// The point on the optical axis' plane z = 1, or for lenses wider than that the unit direction,
 /// that is seen at m; for orthographic cameras where its ray starts. false: nothing is seen there.
 template <class F>
-HELIO_CALL KERNEL bool unproject(const LensModel<F>& lens, Vec2<F> m, Vec3<F>& d) {
+HELIO_GPU_NOINLINE KERNEL bool unproject(const LensModel<F>& lens, Vec2<F> m, Vec3<F>& d) {
   constexpr F kHalfTurn = F(3.14159265358979323846);
   switch (lens.projection) {
     case Projection::kOrthographic:

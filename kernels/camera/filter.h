@@ -44,7 +44,7 @@ KERNEL F sample_filter(PixelFilter filter, F u) {
     case PixelFilter::kBox:
       return u - 0.5f;
     case PixelFilter::kTent:
-      return select(u < 0.5f, root(2 * u) - 1, 1 - root(2 - 2 * u));
+      return select(u < 0.5f, sqrt(2 * u) - 1, 1 - sqrt(2 - 2 * u));
     case PixelFilter::kGaussian:
       // sigma 0.5, truncated at 3 sigma: erf(3 / sqrt 2) = 0.9973002
       return 0.5f * 1.41421356f * inverse_erf((2 * u - 1) * 0.9973002f);
@@ -53,10 +53,10 @@ KERNEL F sample_filter(PixelFilter filter, F u) {
   }
   // 3.3 pixels wide. The root makes the inverse of the integral nearly linear in the tails.
   const F half = clamp01(2 * min2(u, 1 - u));
-  const F place = root(root(half)) * float(kFilterIntervals);
+  const F place = sqrt(sqrt(half)) * float(kFilterIntervals);
   const IntOf<F> i = min2(to_int(place), IntOf<F>(kFilterIntervals - 1));
-  const F a = at(kInverseBlackmanHarris, i);
-  const F x = 3.3f * (a + (at(kInverseBlackmanHarris, i + 1) - a) * (place - to_float(i)));
+  const F a = gather(kInverseBlackmanHarris, i);
+  const F x = 3.3f * (a + (gather(kInverseBlackmanHarris, i + 1) - a) * (place - to_float(i)));
   return select(u < 0.5f, x, -x);
 }
 

@@ -119,7 +119,7 @@ inline Floats max2(Floats a, Floats b) {
 }
 inline Ints min2(Ints a, Ints b) { return select(a < b, a, b); }
 
-inline Floats root(Floats x) {
+inline Floats sqrt(Floats x) {
 #if defined(__AVX2__)
   return FloatVector(_mm256_sqrt_ps(__m256(x.v)));
 #else
@@ -127,7 +127,7 @@ inline Floats root(Floats x) {
   return x;
 #endif
 }
-inline Floats rounded_down(Floats x) {
+inline Floats floor(Floats x) {
 #if defined(__AVX2__)
   return FloatVector(_mm256_floor_ps(__m256(x.v)));
 #else
@@ -135,19 +135,19 @@ inline Floats rounded_down(Floats x) {
   return x;
 #endif
 }
-inline Floats size_of(Floats x) { return FloatVector(IntVector(x.v) & 0x7fffffff); }
+inline Floats abs(Floats x) { return FloatVector(IntVector(x.v) & 0x7fffffff); }
 inline Floats sign_of(Floats x) {
   return FloatVector((IntVector(x.v) & i32(0x80000000)) | IntVector(Floats(1).v));
 }
 inline Ints to_int(Floats x) { return __builtin_convertvector(x.v, IntVector); }
 inline Floats to_float(Ints x) { return __builtin_convertvector(x.v, FloatVector); }
 
-inline Vec3<Floats> normalize(Vec3<Floats> v) { return v * (1 / root(dot(v, v))); }
+inline Vec3<Floats> normalize(Vec3<Floats> v) { return v * (1 / sqrt(dot(v, v))); }
 
 // ---------------------------------------------------------------- memory
 
 /// table[i] in each lane. Every i is one of the table.
-inline Floats at(const float* table, Ints i) {
+inline Floats gather(const float* table, Ints i) {
 #if defined(__AVX2__)
   return FloatVector(_mm256_i32gather_ps(table, __m256i(i.v), 4));
 #else

@@ -37,14 +37,14 @@ template <class T>
 KERNEL T select(bool condition, T a, T b) {
   return condition ? a : b;
 }
-KERNEL float root(float x) { return std::sqrt(x); }
-KERNEL float rounded_down(float x) { return std::floor(x); }
-KERNEL float size_of(float x) { return std::fabs(x); }
+KERNEL float sqrt(float x) { return std::sqrt(x); }
+KERNEL float floor(float x) { return std::floor(x); }
+KERNEL float abs(float x) { return std::fabs(x); }
 /// 1 or -1, by the sign bit.
 KERNEL float sign_of(float x) { return std::copysign(1.0f, x); }
 KERNEL i32 to_int(float x) { return i32(x); }
 KERNEL float to_float(i32 x) { return float(x); }
-KERNEL float at(const float* table, i32 i) { return table[i]; }
+KERNEL float gather(const float* table, i32 i) { return table[i]; }
 
 template <class F>
 KERNEL F sqr(F x) {
@@ -52,7 +52,7 @@ KERNEL F sqr(F x) {
 }
 template <class F>
 KERNEL F safe_sqrt(F x) {
-  return root(max2(x, F(0)));
+  return sqrt(max2(x, F(0)));
 }
 /// 0 for what is no number.
 template <class F>
@@ -61,7 +61,7 @@ KERNEL F clamp01(F x) {
 }
 /// From a number uniform in [0, length) to one uniform in [0, 1).
 template <class F>
-KERNEL F stretched(F u, F length) {
+KERNEL F rescale_uniform(F u, F length) {
   return min2(max2(u / length, F(0)), F(1 - 0x1p-24f));
 }
 /// Of a word that is not 0.
@@ -150,7 +150,7 @@ using SinCos = SinCosOf<float>;
 /// machine, unlike a library's.
 template <class F>
 KERNEL SinCosOf<F> sincos_turns(F turns) {
-  const F quadrant = rounded_down(4 * turns + 0.5f);
+  const F quadrant = floor(4 * turns + 0.5f);
   const F x = (4 * turns - quadrant) * (0.5f * kPi);
   const F x2 = x * x;
   const F s =

@@ -23,22 +23,22 @@
 #define HELIO_RARE __attribute__((noinline))
 
 // A step of the path's loop, which is its only caller.
-#define HELIO_ONCE __attribute__((always_inline))
+#define HELIO_ALWAYS_INLINE __attribute__((always_inline))
 
 // A piece that many steps call: on a GPU it is there once. Inlined everywhere, a program would be
 // several times as long and slower.
 #if defined(__CUDA_ARCH__)
-#define HELIO_CALL __attribute__((noinline))
+#define HELIO_GPU_NOINLINE __attribute__((noinline))
 #else
-#define HELIO_CALL
+#define HELIO_GPU_NOINLINE
 #endif
 
 // A piece of a path's step that takes its state by reference: called, it keeps that in memory. On a
 // GPU it is there once, like others; in a plain program it is a part of the step.
 #if defined(HELIO_PLAIN) && defined(__CUDA_ARCH__)
-#define HELIO_STEP __attribute__((always_inline))
+#define HELIO_GPU_NOINLINE_UNLESS_PLAIN __attribute__((always_inline))
 #else
-#define HELIO_STEP HELIO_CALL
+#define HELIO_GPU_NOINLINE_UNLESS_PLAIN HELIO_GPU_NOINLINE
 #endif
 
 // Before a loop whose arrays a GPU keeps in registers, once each index is known.

@@ -12,7 +12,7 @@ template <class F>
 KERNEL Vec2<F> sample_disk(Vec2<F> u) {
   const F a = 2 * u.x - 1;
   const F b = 2 * u.y - 1;
-  const BoolOf<F> wide = size_of(a) > size_of(b);
+  const BoolOf<F> wide = abs(a) > abs(b);
   const F r = select(wide, a, b);
   const F turns = 0.125f * select(wide, b, a) / select(r == 0, F(1), r);
   const SinCosOf<F> phi = sincos_turns(select(wide, turns, 0.25f - turns));
@@ -72,7 +72,7 @@ KERNEL Choice choose(const float* cdf, u32 first, u32 count, float u) {
   }
   const float start = first > 0 ? cdf[first - 1] : 0;
   const float width = cdf[first] - start;
-  return {first, width, stretched(u - start, width)};
+  return {first, width, rescale_uniform(u - start, width)};
 }
 KERNEL Choice choose(const float* cdf, u32 count, float u) { return choose(cdf, 0, count, u); }
 

@@ -162,8 +162,8 @@ KERNEL vec3 world_bitangent(const Surface& s, vec3 ns, vec3 t, vec3 b_object) {
 }
 
 /// The normal ns as a normal map tilts it.
-HELIO_STEP KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const TextureUseView& use,
-                                     vec3 ns) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 mapped_normal(const SceneView& scene, Surface s,
+                                                          const TextureUseView& use, vec3 ns) {
   const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
   const vec3 t = world_tangent(s, ns, tangents.t);
@@ -178,7 +178,8 @@ HELIO_STEP KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const Te
 ///
 /// Source: Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU", section 2, which goes
 /// back to Blinn 1978.
-HELIO_STEP KERNEL vec3 bumped_normal(const SceneView& scene, Surface s, vec3 ns) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 bumped_normal(const SceneView& scene, Surface s,
+                                                          vec3 ns) {
   const TextureUseView& use = s.material->bump_map;
   const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
   if (!uvs) return ns;
@@ -205,8 +206,8 @@ HELIO_STEP KERNEL vec3 bumped_normal(const SceneView& scene, Surface s, vec3 ns)
 }
 
 /// The surface without its shading: ns is the geometric normal.
-HELIO_STEP KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
-                                 vec2 barycentric, float time) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u32 instance_index,
+                                                      u32 primitive, vec2 barycentric, float time) {
   Surface s;
   s.time = time;
   s.instance = &scene.instances[instance_index];
@@ -249,7 +250,8 @@ KERNEL vec3 vertex_normal(const Surface& s) {
 }
 
 /// The shading normal of a located surface: interpolated, then tilted by the material's textures.
-HELIO_STEP KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 shading_normal(const SceneView& scene,
+                                                           const Surface& s) {
   vec3 ns = vertex_normal(s);
   const MaterialView& material = *s.material;
   if (material.bump_map.texture != kNone) ns = bumped_normal(scene, s, ns);
@@ -258,7 +260,7 @@ HELIO_STEP KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) 
 }
 
 /// The normal of the clearcoat.
-HELIO_CALL KERNEL vec3 clearcoat_normal(const SceneView& scene, const Surface& s) {
+HELIO_GPU_NOINLINE KERNEL vec3 clearcoat_normal(const SceneView& scene, const Surface& s) {
   const vec3 ns = vertex_normal(s);
   const TextureUseView& use = s.material->clearcoat_normal_map;
   return use.texture == kNone ? ns : mapped_normal(scene, s, use, ns);
@@ -287,8 +289,9 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
 }
 
 /// Material parameters there, with the vertex colours. width: metres of the ray cone, 0: a point.
-HELIO_STEP KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted,
-                                             float width = 0) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues material_at(const SceneView& scene,
+                                                                  const Surface& s, u32 wanted,
+                                                                  float width = 0) {
   MaterialValues values = s.material->textured & wanted
                               ? evaluate_material(scene, *s.material, uvs_at(s, width), wanted)
                               : s.material->constant;

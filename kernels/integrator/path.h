@@ -71,8 +71,8 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
 
 /// The path leaves the scene.
 template <Tracer T>
-HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, const DomePlace* place,
-                            SampleValues& sample) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void miss(const PathContext<T>& c, const Path& path,
+                                                 const DomePlace* place, SampleValues& sample) {
   if (path.edges == 1 && c.settings.transparent_background) {
     const vec3 held = vec3(1) - path.throughput;  // by media on the way; exactly 0 without
     sample.alpha = (held.x + held.y + held.z) / 3;
@@ -98,8 +98,8 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
 
 /// The path meets a surface: finds out what it is and counts what it emits.
 template <Tracer T>
-HELIO_ONCE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
-                                   SampleValues& sample) {
+HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hit& hit,
+                                            Vertex& v, SampleValues& sample) {
   new (&v.surface)  // in place: these are large
       Surface(surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time));
   const Surface& s = v.surface;
@@ -119,8 +119,8 @@ HELIO_ONCE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hi
 
 /// Finds out how the surface scatters light; false when it does not.
 template <Tracer T>
-HELIO_ONCE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path, Vertex& v,
-                                      SampleValues& sample) {
+HELIO_ALWAYS_INLINE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path, Vertex& v,
+                                               SampleValues& sample) {
   const Surface& s = v.surface;
   const vec3 wo = -path.ray.direction;
   if (!s.material->unlit) {
@@ -131,7 +131,7 @@ HELIO_ONCE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path,
       v.receiver = receiver_of(c.scene, v, c.time);
       if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
           c.scene.caster_count > 0) {
-        see_casters(*v.casters, c.scene, s.p, v.bsdf.frame.n);
+        gather_caustic_targets(*v.casters, c.scene, s.p, v.bsdf.frame.n);
       }
       return true;
     }
@@ -151,8 +151,9 @@ KERNEL void record_guides(Path& path, vec3 weight, vec3 normal, SampleValues& sa
   sample.normal = normal;
   path.guided = true;
 }
-HELIO_STEP KERNEL void record_guides(Path& path, const Vertex& v, const BsdfSample* s,
-                                     SampleValues& sample) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void record_guides(Path& path, const Vertex& v,
+                                                          const BsdfSample* s,
+                                                          SampleValues& sample) {
   vec3 weight(0);
   if (s) {
     const bool enters = s->lobe == Lobe::kSubsurface;
@@ -164,8 +165,8 @@ HELIO_STEP KERNEL void record_guides(Path& path, const Vertex& v, const BsdfSamp
 /// Turns a sample of the surface's own into one of directions towards casters, too.
 ///
 /// aimed, choice   whether it is to go to a caster, and uniform in [0, 1) which
-HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u,
-                                   BsdfSample& s) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice,
+                                                        vec2 u, BsdfSample& s) {
   if (aimed) {
     const CasterDirectionOf<float> to = sample_casters(*v.casters, choice, u);
     const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
@@ -198,7 +199,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   const bool chooses = share > 0 || chooses_lobe(v.bsdf);
   float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
   const bool aimed = choice < share;
-  choice = aimed ? stretched(choice, share) : stretched(choice - share, 1 - share);
+  choice = aimed ? rescale_uniform(choice, share) : rescale_uniform(choice - share, 1 - share);
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
   BsdfSample s;
   bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
@@ -225,8 +226,8 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
 template <Tracer T>
-HELIO_CALL KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Path& path,
-                                        SampleValues& sample) {
+HELIO_GPU_NOINLINE KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v,
+                                                const Path& path, SampleValues& sample) {
   const Surface& s = v.surface;
   const float side = dot(path.ray.direction, s.ng) < 0 ? 1.0f : -1.0f;
   const u32 bits = c.sampler.hash_of(kOcclusionHash);
@@ -246,7 +247,8 @@ KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path)
 
 /// Begins a sample with a ray of the camera: its path, and what does not need one.
 template <Tracer T>
-HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, const Ray& ray, SampleValues& sample) {
+HELIO_ALWAYS_INLINE KERNEL Path begin_sample(const PathContext<T>& c, const Ray& ray,
+                                             SampleValues& sample) {
   if (wants_rich(c.film, planes_from<SampleRich>())) {
     for (vec3& light : sample.light) light = vec3(0);
     sample.diffuse_color = vec3(0);
@@ -268,7 +270,7 @@ struct Reach {
 };
 /// Ends the path's ray where the medium that it starts in scatters its light.
 template <Tracer T>
-HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
+HELIO_ALWAYS_INLINE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
   const float end = path.ray.t_max;
   if (!is_filled(path.inside)) return {end, {INFINITY, vec3(0)}};
   const Flight flight = begin_flight(c, path);
@@ -282,9 +284,9 @@ HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
 /// take    (path, vertex): whether somebody else makes the path go on from there
 /// sky     where the ray leaves the scene: its place in the dome if that is known, else null
 template <Tracer T, class Light, class Take>
-HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
-                              const Hit& hit, SampleValues& sample, const Light& light,
-                              const Take& take, const DomePlace* sky = nullptr) {
+HELIO_ALWAYS_INLINE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
+                                       const Hit& hit, SampleValues& sample, const Light& light,
+                                       const Take& take, const DomePlace* sky = nullptr) {
   ++sample.rays;
   Collision at{};
   const bool collides = meets_volume(c, path, hit.t, at);

@@ -124,7 +124,7 @@ KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
 /// what they carry: they carry what the many that ended would have.
 template <class F>
 KERNEL F survival_chance(F carried) {
-  return min2(root(carried), F(1));
+  return min2(sqrt(carried), F(1));
 }
 
 /// Ends the path by chance where it carries little; unbiased.

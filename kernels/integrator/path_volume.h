@@ -17,8 +17,8 @@ KERNEL bool meets_volume(const PathContext<T>& c, const Path& path, float t_max,
 /// The path collides in a volume: counts what glows there, takes light, and goes on in a direction
 /// of the medium's choice; false when it ends.
 template <Tracer T>
-HELIO_CALL KERNEL bool hit_volume(const PathContext<T>& c, Path& path, const Collision& at,
-                                  SampleValues& sample) {
+HELIO_GPU_NOINLINE KERNEL bool hit_volume(const PathContext<T>& c, Path& path, const Collision& at,
+                                          SampleValues& sample) {
   const VolumeView& volume = c.scene.volumes[at.volume];
   const Medium medium = medium_at(c.scene, volume, path.ray, at.t);
   if (!is_black(medium.emission)) {

@@ -40,7 +40,8 @@ struct Contribution {
   bool environment;
   u32 group;  // light group
 };
-HELIO_CALL KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& route) {
+HELIO_GPU_NOINLINE KERNEL void add_light(SampleValues& sample, const Contribution& c,
+                                         const Route& route) {
   const u32 direct = c.edges == 2 ? 0 : 1;
   constexpr u32 first = kFirstLightPlane;
   if (c.edges == 1) {

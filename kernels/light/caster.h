@@ -45,7 +45,7 @@ KERNEL void add_cone(CasterConesOf<F>& cones, BoolOf<F> seen, Vec3<F> axis, F de
 /// The direction of a vector; a shorter one where that is hardly known.
 template <class F>
 KERNEL Vec3<F> towards(Vec3<F> v) {
-  return v * (1 / root(max2(dot(v, v), F(kShortest2))));
+  return v * (1 / sqrt(max2(dot(v, v), F(kShortest2))));
 }
 
 /// Adds a cone in which p sees a light in a caster, unless it is little smaller than the caster.
@@ -65,9 +65,9 @@ KERNEL void add_image(CasterConesOf<F>& cones, const CasterView& caster, const C
     q = center + normal * radius;
   }
   const Vec3<F> d = q - p, from_lamp = lamp - q;
-  const F distance2 = dot(d, d), distance = root(distance2);
+  const F distance2 = dot(d, d), distance = sqrt(distance2);
   const F cosine = -dot(normal, d) / distance;
-  const F angular = light.radius / max2(root(dot(from_lamp, from_lamp)), F(light.radius));
+  const F angular = light.radius / max2(sqrt(dot(from_lamp, from_lamp)), F(light.radius));
   const F angle = (angular + caster.spread) / (1 + 2 * distance * cosine / radius);
   const F depth = max2(0.5f * sqr(angle), F(kSmallest));
   const BoolOf<F> known = (distance2 > F(kShortest2)) & (distance2 < F(kLongest2));
@@ -77,8 +77,9 @@ KERNEL void add_image(CasterConesOf<F>& cones, const CasterView& caster, const C
 
 /// n   unit, at p; world
 template <class F>
-HELIO_STEP KERNEL void see_casters(CasterConesOf<F>& cones, const SceneView& scene, Vec3<F> p,
-                                   Vec3<F> n) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void gather_caustic_targets(CasterConesOf<F>& cones,
+                                                                   const SceneView& scene,
+                                                                   Vec3<F> p, Vec3<F> n) {
   constexpr float kFlattest = 0.1f;  // cosine that the weight of a low one has
   // What the casters' own cones add up to, as shares of the hemisphere weighed by the cosine, for
   // the whole probability. Of 0.01 to 0.1 the most that has no more variance in W1; a plain with a
@@ -95,7 +96,7 @@ HELIO_STEP KERNEL void see_casters(CasterConesOf<F>& cones, const SceneView& sce
     const BoolOf<F> seen = (distance2 > F(max2(sqr(caster.radius), kShortest2))) &
                            (distance2 < F(kLongest2)) & (height > F(-caster.radius));
     if (!any(seen)) continue;
-    const F inverse = 1 / root(distance2);
+    const F inverse = 1 / sqrt(distance2);
     const F sine2 = sqr(caster.radius * inverse);
     const F depth = sine2 / (1 + safe_sqrt(1 - sine2));
     const F weight = depth * max2(height * inverse, F(kFlattest));
@@ -109,7 +110,7 @@ HELIO_STEP KERNEL void see_casters(CasterConesOf<F>& cones, const SceneView& sce
 
 /// Density of sample_casters(), 1/sr; 0 where no caster is seen. wi: unit, world
 template <class F>
-HELIO_STEP KERNEL F casters_pdf(const CasterConesOf<F>& cones, Vec3<F> wi) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL F casters_pdf(const CasterConesOf<F>& cones, Vec3<F> wi) {
   F pdf(0), before(0);
   for (u32 i = 0; i < cones.count; ++i) {
     const F weight = cones.sum[i] - before;
@@ -139,7 +140,7 @@ KERNEL CasterDirectionOf<F> sample_casters(const CasterConesOf<F>& cones, F choi
     start = select(later, cones.sum[i - 1], start);
     end = select(later, cones.sum[i], end);
   }
-  return {sample_cone(axis, depth, u), stretched(at - start, end - start)};
+  return {sample_cone(axis, depth, u), rescale_uniform(at - start, end - start)};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -20,17 +20,19 @@ KERNEL F mis_weight(F a, F b) {
 
 /// The lights of the tree, and those of the sky, are chosen at least so often where both exist:
 /// none knows what hides the others.
-inline constexpr float kLeastShare = 0.05f;
+inline constexpr float kMinTechniqueShare = 0.05f;
 
 /// By what the lights of the tree and the sky may send.
 template <class F>
 KERNEL F share_of_surfaces(F surfaces, F sky) {
   const F share = surfaces / (surfaces + sky);
-  return select(share >= 0, min2(max2(share, F(kLeastShare)), F(1 - kLeastShare)), F(0.5f));
+  return select(share >= 0, min2(max2(share, F(kMinTechniqueShare)), F(1 - kMinTechniqueShare)),
+                F(0.5f));
 }
 
 /// Receiver::surface_share.
-HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& from) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float surface_share(const SceneView& scene,
+                                                           const Receiver& from) {
   if (scene.light_count == 0) return 0;
   if (!(scene.sky_power > 0)) return 1;
   // Of light from everywhere a surface's side receives a quarter.
@@ -51,7 +53,7 @@ KERNEL Receiver receiver_at(const SceneView& scene, vec3 p, vec3 n, Facing facin
 // ---------------------------------------------------------------- dome
 
 /// place: row 0 at v = 0.
-HELIO_STEP KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
   const DomeView& dome = scene.dome;
   if (dome.texture == kNone) return dome.radiance;
   TextureView texture = scene.textures[dome.texture];
@@ -106,7 +108,7 @@ KERNEL vec3 sample_even_dome(const Receiver& from, vec2 u, float& pdf) {
   if (from.facing == Facing::kBoth) {
     share = 0.5f;
     side = u.x < share ? 1.0f : -1.0f;
-    u.x = stretched(u.x < share ? u.x : u.x - share, share);
+    u.x = rescale_uniform(u.x < share ? u.x : u.x - share, share);
   }
   const vec3 local = sample_cosine(u);
   pdf = share * local.z * kInvPi;
@@ -129,8 +131,8 @@ KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
 }
 
 /// Density [1/sr] with which sample_sky() takes a direction to the dome. place: of that direction.
-HELIO_STEP KERNEL float dome_pdf(const DomeView& dome, const Receiver& from, vec3 direction,
-                                 const DomePlace& place) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float dome_pdf(const DomeView& dome, const Receiver& from,
+                                                      vec3 direction, const DomePlace& place) {
   if (dome.portal_count > 0 && portal_faces(dome, from.p)) {
     return dome.probability * portal_pdf(dome, from.p, direction);
   }
@@ -153,8 +155,9 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
   return choose_guided(dome.column_cdf + u64(row) * dome.width, dome.width, guide, u);
 }
 
-HELIO_STEP KERNEL bool sample_dome(const SceneView& scene, const Receiver& from, vec2 u,
-                                   LightSample& out) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_dome(const SceneView& scene,
+                                                        const Receiver& from, vec2 u,
+                                                        LightSample& out) {
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
@@ -226,7 +229,7 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
   for (u32 i = 0; i < scene.sun_count; ++i) {
     const SunView& sun = scene.suns[i];
     if (u.x < sun.probability) {
-      out.direction = sample_sun(sun, out.time, vec2(stretched(u.x, sun.probability), u.y));
+      out.direction = sample_sun(sun, out.time, vec2(rescale_uniform(u.x, sun.probability), u.y));
       out.pdf = sun_pdf(sun);
       out.light = kNone;
       out.sun = i;
@@ -236,24 +239,26 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
     u.x -= sun.probability;
   }
   if (!(scene.dome.probability > 0)) return false;
-  return sample_dome(scene, from, vec2(stretched(u.x, scene.dome.probability), u.y), out);
+  return sample_dome(scene, from, vec2(rescale_uniform(u.x, scene.dome.probability), u.y), out);
 }
 
 /// Chooses a light and a direction to it; false when no light comes from there.
 ///
 /// u   uniform in [0, 1): the number that chooses goes on to say where, so that the samples of a
 ///     pixel are as even over each light as over all
-HELIO_STEP KERNEL bool sample_light(const SceneView& scene, const Receiver& from, vec2 u,
-                                    LightSample& out) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_light(const SceneView& scene,
+                                                         const Receiver& from, vec2 u,
+                                                         LightSample& out) {
   out.time = from.time;
   const float surfaces = from.surface_share;
   if (u.x >= surfaces) {
     const float sky = sky_share(from);
-    if (!sample_sky(scene, from, vec2(stretched(u.x - surfaces, sky), u.y), out)) return false;
+    if (!sample_sky(scene, from, vec2(rescale_uniform(u.x - surfaces, sky), u.y), out))
+      return false;
     out.pdf *= sky;
     return true;
   }
-  LeafChoice choice{0, surfaces, stretched(u.x, surfaces)};
+  LeafChoice choice{0, surfaces, rescale_uniform(u.x, surfaces)};
   choose_leaf(scene.light_nodes, from, false, choice);
   return sample_surface_light(scene, from, choice, u.y, out);
 }

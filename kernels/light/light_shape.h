@@ -54,24 +54,24 @@ template <class F>
 KERNEL SphereDirection<F> sample_sphere_seen(Vec3<F> d, F radius, Vec2<F> u) {
   const F scale = 1 / radius;
   const F distance2 = dot(d, d) * sqr(scale);  // in radii
-  const F distance = root(distance2);
+  const F distance = sqrt(distance2);
   const F sine2_max = 1 / distance2;
-  const F drop = u.x * sine2_max / (1 + root(1 - sine2_max));
+  const F drop = u.x * sine2_max / (1 + sqrt(1 - sine2_max));
   const F sine2 = drop * (2 - drop);
   const F cosine = sine2 * distance + (1 - drop) * safe_sqrt(1 - sine2 * distance2);
   const F sine = safe_sqrt(1 - cosine * cosine);
   const SinCosOf<F> phi = sincos_turns(u.y);
   const FrameOf<F> frame = make_frame(d * (-scale / distance));
   return {to_world(frame, Vec3<F>(sine * phi.cos, sine * phi.sin, cosine)),
-          (distance2 + root(distance2 * (distance2 - 1))) * (0.5f * kInvPi)};
+          (distance2 + sqrt(distance2 * (distance2 - 1))) * (0.5f * kInvPi)};
 }
 
 /// plane_error() of a sphere's points.
 template <class F>
 KERNEL F sphere_error(Vec3<F> center, F radius, Vec3<F> n) {
-  const Vec3<F> bound(size_of(center.x) + 2 * radius, size_of(center.y) + 2 * radius,
-                      size_of(center.z) + 2 * radius);
-  return 0x1p-19f * (size_of(n.x) * bound.x + size_of(n.y) * bound.y + size_of(n.z) * bound.z +
+  const Vec3<F> bound(abs(center.x) + 2 * radius, abs(center.y) + 2 * radius,
+                      abs(center.z) + 2 * radius);
+  return 0x1p-19f * (abs(n.x) * bound.x + abs(n.y) * bound.y + abs(n.z) * bound.z +
                      0.0625f * max_component(bound));
 }
 
@@ -147,13 +147,15 @@ KERNEL bool sample_disc_light(const LightPlace& at, vec3 from, vec2 u, ShapePoin
 
 // ---------------------------------------------------------------- both
 
-HELIO_CALL KERNEL bool sample_shape(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
+HELIO_GPU_NOINLINE KERNEL bool sample_shape(const LightPlace& at, vec3 from, vec2 u,
+                                            ShapePoint& out) {
   return at.mesh.shape == Shape::kDisc ? sample_disc_light(at, from, u, out)
                                        : sample_sphere_light(at, from, u, out);
 }
 
 /// Density [1/sr] with which sample_shape() takes the direction to a point at a distance.
-HELIO_CALL KERNEL float shape_pdf(const LightPlace& at, vec3 from, vec3 direction, float distance) {
+HELIO_GPU_NOINLINE KERNEL float shape_pdf(const LightPlace& at, vec3 from, vec3 direction,
+                                          float distance) {
   const mat4x3& world = at.pose.world_from_object;
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   if (at.mesh.shape == Shape::kSphere) {

@@ -29,8 +29,8 @@ KERNEL bool shows_to_all(u32 visibility) {
 
 /// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
 /// the surface belongs to a light. wo: unit, world, leaves the surface.
-HELIO_STEP KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m,
-                               vec3 wo) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 emitted(const SceneView& scene, const Surface& s,
+                                                    const MaterialValues& m, vec3 wo) {
   const bool front = dot(wo, s.ng) >= 0;
   vec3 radiance(0);
   const MaterialView& material = *s.material;
@@ -56,8 +56,8 @@ KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
 
 /// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
 /// receiver met a light.
-HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const Hit& hit,
-                                  vec3 direction, u32 index) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float light_pdf(const SceneView& scene, Receiver from,
+                                                       const Hit& hit, vec3 direction, u32 index) {
   const LightPlace at = light_place(scene, index, from.time);
   const TriangleTree& tree = at.light.tree;
   const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
@@ -82,7 +82,7 @@ KERNEL bool is_even(const SceneView& scene, const LightView& light) {
 }
 
 /// Sets LightView::sphere_radius, and the centre with it, where a light is such a sphere.
-KERNEL void note_sphere(LightView& light, const InstanceView& instance, Shape shape) {
+KERNEL void detect_sphere(LightView& light, const InstanceView& instance, Shape shape) {
   constexpr float kRounding = 1e-5f;
   const bool even = !light.material_emits && !light.light_two_sided &&
                     light.texture.texture == kNone && light.cone_scale == 0 &&
@@ -155,8 +155,10 @@ KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, con
 }
 
 /// choice: a leaf of the scene's tree. u: uniform in [0, 1)
-HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
-                                            LeafChoice choice, float u, LightSample& out) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_surface_light(const SceneView& scene,
+                                                                 const Receiver& from,
+                                                                 LeafChoice choice, float u,
+                                                                 LightSample& out) {
   out.light = scene.light_nodes[choice.node].first;
   const LightPlace at = light_place(scene, out.light, from.time);
   out.time = from.time;
@@ -187,7 +189,8 @@ HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiv
 }
 
 /// Radiance of a sampled point of a surface.
-HELIO_STEP KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 surface_radiance(const SceneView& scene,
+                                                             const LightSample& sample) {
   const LightView& light = scene.lights[sample.light];
   if (is_even(scene, light)) return light.radiance;
   const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);

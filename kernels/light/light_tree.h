@@ -151,7 +151,7 @@ KERNEL F front_importance(Vec3<F> d, F radius2, F power, Vec3<F> n) {
   const NodeSphere<F> sphere(d, radius2);
   const F along = dot(n, d);
   return power * sphere.fall_off() *
-         typical_cosine(along * root(sphere.inverse2), sphere.largest_cosine(along));
+         typical_cosine(along * sqrt(sphere.inverse2), sphere.largest_cosine(along));
 }
 
 /// How much the emitters of a node may send to a point, up to a common factor: never 0 where they
@@ -210,7 +210,7 @@ KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_side
     const float share = first_share(a, b, r, two_sided);
     const bool second = io.rest >= share;
     const float part = second ? 1 - share : share;
-    io.rest = stretched(second ? io.rest - share : io.rest, part);
+    io.rest = rescale_uniform(second ? io.rest - share : io.rest, part);
     io.probability *= part;
     io.node = node.first + u32(second);
     node = second ? b : a;

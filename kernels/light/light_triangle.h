@@ -155,7 +155,7 @@ KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint
     rest -= triangles[i].weight;
   }
   const SphereTriangle& seen = triangles[chosen].seen;
-  u.x = stretched(rest, triangles[chosen].weight);
+  u.x = rescale_uniform(rest, triangles[chosen].weight);
   out.entry = leaf.first + chosen;
   out.triangle = light_triangle(at, out.entry);
   out.place = place_of(out.triangle, p, sample_sphere_triangle(seen, u));
@@ -165,7 +165,8 @@ KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint
 }
 
 /// Chooses a point of a leaf's triangles. io.entry: the leaf, then the chosen entry.
-HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint& io) {
+HELIO_GPU_NOINLINE KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec2 u,
+                                           TrianglePoint& io) {
   const LightNode& leaf = at.light.tree.nodes[io.entry];
   if (is_near(leaf, transform_point(at.pose.object_from_world, p))) {
     return sample_near_leaf(at, p, u, io);
@@ -178,15 +179,15 @@ HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec2 u, Triangl
   }
   io.entry = entry;
   io.triangle = light_triangle(at, entry);
-  io.place = sample_triangle(vec2(stretched(rest, entries[entry].power), u.y));
+  io.place = sample_triangle(vec2(rescale_uniform(rest, entries[entry].power), u.y));
   set_target(io, p);
   io.pdf = area_pdf(io.triangle, io.direction, io.distance) * entries[entry].power / leaf.power;
   return true;
 }
 
 /// Density [1/sr] with which sample_leaf() takes the direction to a point of an entry.
-HELIO_CALL KERNEL float leaf_pdf(const LightPlace& at, u32 entry, vec3 p, vec3 direction,
-                                 float distance) {
+HELIO_GPU_NOINLINE KERNEL float leaf_pdf(const LightPlace& at, u32 entry, vec3 p, vec3 direction,
+                                         float distance) {
   const TriangleEntry& e = at.light.tree.entries[entry];
   const LightNode& leaf = at.light.tree.nodes[e.leaf];
   if (!is_near(leaf, transform_point(at.pose.object_from_world, p))) {

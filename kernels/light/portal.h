@@ -88,7 +88,7 @@ KERNEL double portal_light(const DomeView& dome, vec3 p) {
 }
 
 /// Density [1/sr] of a direction times portal_light().
-HELIO_CALL KERNEL double portal_density(const DomeView& dome, vec3 p, vec3 direction) {
+HELIO_GPU_NOINLINE KERNEL double portal_density(const DomeView& dome, vec3 p, vec3 direction) {
   double density = 0;
   for (u32 i = 0; i < dome.portal_count; ++i) {
     const PortalView& portal = dome.portals[i];
@@ -134,8 +134,8 @@ KERNEL float find_between(float low, float high, double value, const F& sum) {
 }
 
 /// A direction to the dome through some portal, by the light that comes there, and its density.
-HELIO_CALL KERNEL bool sample_portals(const DomeView& dome, vec3 p, vec2 u, vec3& direction,
-                                      float& pdf) {
+HELIO_GPU_NOINLINE KERNEL bool sample_portals(const DomeView& dome, vec3 p, vec2 u, vec3& direction,
+                                              float& pdf) {
   double total = 0, light = 0, rest = double(u.x);
   PortalWindow w;
   u32 chosen = 0;

@@ -41,8 +41,8 @@ KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
 }
 
 /// A texture's value over the width of what is looked at.
-HELIO_CALL KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use,
-                                  const Uvs& uvs) {
+HELIO_GPU_NOINLINE KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use,
+                                          const Uvs& uvs) {
   const TextureView& texture = scene.textures[use.texture];
   const float scale = std::sqrt(std::fabs(use.uv_x.x * use.uv_y.y - use.uv_x.y * use.uv_y.x));
   const float texels =
@@ -51,8 +51,8 @@ HELIO_CALL KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& 
 }
 
 template <bool kRadiance = false>
-HELIO_CALL KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use,
-                                  const Uvs& uvs) {
+HELIO_GPU_NOINLINE KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use,
+                                          const Uvs& uvs) {
   const vec4 texel = sample_texture<kRadiance>(scene.textures[use.texture], transform_uv(use, uvs));
   return texel * use.scale + use.offset;
 }
@@ -72,9 +72,8 @@ KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
 /// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
 /// others keep their constants. Emission and alpha are those of the point: lights and holes are
 /// sampled so.
-HELIO_STEP KERNEL MaterialValues evaluate_material(const SceneView& scene,
-                                                   const MaterialView& material, const Uvs& uvs,
-                                                   u32 wanted) {
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues evaluate_material(
+    const SceneView& scene, const MaterialView& material, const Uvs& uvs, u32 wanted) {
   MaterialValues values = material.constant;
   if ((material.textured & wanted) == 0) return values;
   u32 use = material.first_use;
@@ -133,7 +132,7 @@ KERNEL bool is_rich(const MaterialView& material) {
 }
 
 /// Counts the material of an instance in what SceneView says of all.
-KERNEL void note_material(SceneView& scene, const MaterialView& material) {
+KERNEL void accumulate_features(SceneView& scene, const MaterialView& material) {
   scene.any_rich |= is_rich(material);
   scene.any_priority |= material.priority != 0;
   scene.any_passable |= material.passable;
@@ -150,8 +149,8 @@ KERNEL u32 part_of(const MeshView& mesh, u32 primitive) {
 }
 
 /// Share of rays that meet the surface at a point: 0 or 1 unless the material blends.
-HELIO_CALL KERNEL float opacity_at(const SceneView& scene, u32 instance_index, u32 primitive,
-                                   vec2 barycentric) {
+HELIO_GPU_NOINLINE KERNEL float opacity_at(const SceneView& scene, u32 instance_index,
+                                           u32 primitive, vec2 barycentric) {
   const InstanceView& instance = scene.instances[instance_index];
   const MeshView& mesh = scene.meshes[instance.mesh];
   const MaterialView& material = material_of(scene, instance, part_of(mesh, primitive));

@@ -49,7 +49,7 @@ KERNEL u64 mip_bytes(TextureView texture) {
 }
 
 /// IEC 61966-2-1, for texels of more than 8 bits.
-HELIO_CALL KERNEL float srgb_to_linear(float x) {
+HELIO_GPU_NOINLINE KERNEL float srgb_to_linear(float x) {
   return x <= 0.04045f ? x * (1 / 12.92f) : std::pow((x + 0.055f) * (1 / 1.055f), 2.4f);
 }
 
@@ -163,7 +163,7 @@ KERNEL vec4 as_radiance(vec4 v) {
 
 /// Four neighbouring texels, mixed.
 template <TexelType T, u32 kChannels, bool kRadiance>
-KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
+HELIO_ALWAYS_INLINE KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
   const u64 top_row = u64(y.first) * texture.width;
   const u64 bottom_row = u64(y.second) * texture.width;
   vec4 a = load_rgba<T, kChannels>(texture, top_row + x.first);
@@ -190,7 +190,7 @@ KERNEL void prefetch_texel(const TextureView& texture, vec2 uv) {
 
 /// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
 template <bool kRadiance = false>
-HELIO_CALL KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
+HELIO_GPU_NOINLINE KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
   if (texture.nearest) {
     const u32 x = nearest_tap(uv.x, texture.width, texture.wrap_u);
     const u32 y = nearest_tap(1 - uv.y, texture.height, texture.wrap_v);

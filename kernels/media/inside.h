@@ -68,7 +68,7 @@ KERNEL vec3 weight_of_scattering(const Interior& m, const Flight& flight) {
 
 /// The most closed surfaces about a point that a path keeps track of. It is not inside of what it
 /// enters beyond.
-inline constexpr u32 kMostInside = 4;
+inline constexpr u32 kMaxMediumDepth = 4;
 /// The most passable surfaces that a ray goes through between two vertices of a path.
 inline constexpr u32 kMostPassed = 64;
 
@@ -81,7 +81,7 @@ struct Inside {
     Interior medium;
     float ior;
   };
-  Layer layers[kMostInside];
+  Layer layers[kMaxMediumDepth];
   u32 depth = 0;
 };
 
@@ -125,9 +125,9 @@ KERNEL bool leave(Inside& inside, const Surface& s) {
 }
 
 /// Puts in what a surface surrounds, as the innermost or the outermost of its priority.
-HELIO_CALL KERNEL void enter(Inside& inside, const Surface& s, const MaterialValues& m,
-                             bool innermost) {
-  if (inside.depth == kMostInside) return;
+HELIO_GPU_NOINLINE KERNEL void enter(Inside& inside, const Surface& s, const MaterialValues& m,
+                                     bool innermost) {
+  if (inside.depth == kMaxMediumDepth) return;
   u32 at = inside.depth++;
   const i32 priority = s.material->priority;
   for (; at > 0; --at) {

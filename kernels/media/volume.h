@@ -107,8 +107,8 @@ struct Collision {
 };
 
 /// The nearest collision of a ray of these kinds before t_max.
-HELIO_CALL KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask, float t_max,
-                                    u32 seed) {
+HELIO_GPU_NOINLINE KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask,
+                                            float t_max, u32 seed) {
   Collision nearest{kNone, t_max};
   visit_volumes(scene, ray, mask, t_max, [&](u32 i, float& end) {
     const float t = collide(scene, scene.volumes[i], ray, end, HashSequence(seed + i));
@@ -120,7 +120,7 @@ HELIO_CALL KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 
 }
 
 /// The share of light that passes all volumes on a shadow ray.
-HELIO_CALL KERNEL float transmittance(const SceneView& scene, const Ray& ray, u32 seed) {
+HELIO_GPU_NOINLINE KERNEL float transmittance(const SceneView& scene, const Ray& ray, u32 seed) {
   float result = 1;
   visit_volumes(scene, ray, kShadowRay, ray.t_max, [&](u32 i, float&) {
     result *= transmittance(scene, scene.volumes[i], ray, HashSequence(seed + i));
@@ -148,8 +148,8 @@ struct Medium {
   vec3 emission;  // radiance that a collision there gives off, W sr^-1 m^-2
 };
 
-HELIO_CALL KERNEL Medium medium_at(const SceneView& scene, const VolumeView& volume,
-                                   const Ray& world, float t) {
+HELIO_GPU_NOINLINE KERNEL Medium medium_at(const SceneView& scene, const VolumeView& volume,
+                                           const Ray& world, float t) {
   const GridRay ray = to_volume(scene, volume, world);
   Medium medium{volume.albedo, vec3(0)};
   if (volume.color.values) {

@@ -103,7 +103,7 @@ KERNEL Collision march(const SceneView& scene, const MarchedSet& set) {
 
 /// Where the volumes that camera rays meet bring the transmittance of a ray to one half before
 /// t_max.
-HELIO_CALL KERNEL Collision half_way(const SceneView& scene, const Ray& ray, float t_max) {
+HELIO_GPU_NOINLINE KERNEL Collision half_way(const SceneView& scene, const Ray& ray, float t_max) {
   MarchedSet set;
   visit_volumes(scene, ray, kCameraRay, t_max, [&](u32 i, float&) {
     const Marched m = make_marched(scene, i, ray, t_max);

@@ -67,7 +67,8 @@ KERNEL void add_sample(const FilmView& film, Plane plane, u64 pixel, const float
 }
 
 /// Adds a contribution to the unfinished block of its light group, where that is wanted.
-HELIO_CALL KERNEL void add_to_group(const FilmView& film, u32 group, u64 pixel, vec3 radiance) {
+HELIO_GPU_NOINLINE KERNEL void add_to_group(const FilmView& film, u32 group, u64 pixel,
+                                            vec3 radiance) {
   const u32 rank = film.rank_of_group[group];
   if (rank == kNone) return;
   float* partial = film.partial[u32(Plane::BEAUTY_GROUP)];

@@ -287,7 +287,7 @@ struct SunView {
   vec3 direction;                // unit, to its middle; use sun_direction()
   const MotionKey* motion_keys;  // segments + 1 poses, whose z axes point there
   u32 segments;                  // 0: it stands still
-  float depth;                   // 1 - cosine of its angular radius: its solid angle over 2 pi
+  float one_minus_cos;           // of its angular radius: its solid angle over 2 pi
   vec3 radiance;
   float probability;  // of choosing it among the lights of the sky
   u32 visibility;     // ray mask bits

@@ -64,7 +64,7 @@ class Lockstep {
       active_[active_count_++] = i;
     }
     closest(tracer_, rays);
-    meet(first_active);
+    prefetch_hits(first_active);
   }
 
   /// Traces them to their ends. Returns the rays traced.
@@ -174,11 +174,11 @@ class Lockstep {
       set_out(item);
       item.hit = tracer_.closest(item.path.ray, item.path.mask);
     }
-    meet(0);
+    prefetch_hits(0);
   }
   /// The rays of active_, from `first` on, have met something, or nothing: asks for what is needed
   /// where they did.
-  void meet(u32 first) {
+  void prefetch_hits(u32 first) {
     u32 met = 0, missed = 0;
     for (u32 i = first; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
@@ -220,7 +220,7 @@ class Lockstep {
       };
       const bool goes_on = kernels::arrive(c, item.path, item.reach, item.hit, item.values,
                                            take_light, take, &item.sky);
-      sort(active_[i], goes_on, left);
+      queue_next(active_[i], goes_on, left);
       if (plain_.count == kLanes) scatter_plain(left);
     }
     if (plain_.count > 0) scatter_plain(left);
@@ -234,12 +234,12 @@ class Lockstep {
       if (plain_.lit >> i & 1) {
         kernels::take_light(plain_, i, plain_lights_, c, item.path, item.values, item.light);
       }
-      sort(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
+      queue_next(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
     }
     plain_.count = 0;
     plain_.any_looks = false;
   }
-  void sort(u32 index, bool goes_on, u32& left) {
+  void queue_next(u32 index, bool goes_on, u32& left) {
     const Item& item = items_[index];
     if (item.light.ray.t_max > 0) lit_[lit_count_++] = index;
     if (goes_on && item.path.ray.t_max > 0) active_[left++] = index;

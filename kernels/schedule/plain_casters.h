@@ -7,11 +7,11 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Casters seen by the vertices that look for them and scatter some light evenly.
-HELIO_RARE KERNEL void see_casters(const SceneView& scene, const OpaqueBase<Floats>& b,
-                                   PlainVertices& v) {
+HELIO_RARE KERNEL void gather_caustic_targets(const SceneView& scene, const OpaqueBase<Floats>& b,
+                                              PlainVertices& v) {
   CasterConesOf<Floats>& cones = v.casters;
   cones.count = 0;
-  see_casters(cones, scene, Vec3<Floats>(v.p), Vec3<Floats>(v.n));
+  gather_caustic_targets(cones, scene, Vec3<Floats>(v.p), Vec3<Floats>(v.n));
   const Mask wanted = (Floats(v.looks) > 0) & (b.diffuse_probability > 0);
   cones.probability = select(wanted, cones.probability, Floats(0));
 }
@@ -32,7 +32,8 @@ struct Aimed {
 HELIO_RARE KERNEL Aimed aim(PlainVertices& v) {
   const Floats share = v.casters.probability, choice = v.lobe_u;
   const Mask lanes = first_lanes(v.count) & (choice < share);
-  v.lobe_u = select(lanes, stretched(choice, share), stretched(choice - share, 1 - share));
+  v.lobe_u =
+      select(lanes, rescale_uniform(choice, share), rescale_uniform(choice - share, 1 - share));
   if (!any(lanes)) return {lanes, {}};
   return {lanes,
           sample_casters(v.casters, Floats(v.lobe_u), Vec2<Floats>(v.scatter_u, v.scatter_v))};

@@ -23,7 +23,7 @@ struct NodeLanes {
 KERNEL NodeLanes nodes_at(const LightNode* nodes, Ints index) {
   constexpr i32 kStride = sizeof(LightNode) / sizeof(float);
   const Ints first = index * kStride;
-  const auto field = [&](const float& of_root) { return at(&of_root, first); };
+  const auto field = [&](const float& of_root) { return gather(&of_root, first); };
   const LightNode& root = *nodes;
   return {Vec3<Floats>(field(root.center.x), field(root.center.y), field(root.center.z)),
           field(root.radius2), field(root.power)};
@@ -55,7 +55,7 @@ KERNEL LeafLanes choose_light(const LightNode* nodes, Mask wanted, Vec3<Floats> 
                                      front_importance(b.center - p, b.radius2, b.power, n));
     const Mask second = io.rest >= share;
     const Floats part = select(second, 1 - share, share);
-    const Floats rest = stretched(select(second, io.rest - share, io.rest), part);
+    const Floats rest = rescale_uniform(select(second, io.rest - share, io.rest), part);
     io.rest = select(goes_down, rest, io.rest);
     io.probability = select(goes_down, io.probability * part, io.probability);
     read(select(goes_down, child + select(second, Ints(1), Ints(0)), Ints(0)));
@@ -87,11 +87,11 @@ KERNEL void sample_lights(const SceneView& scene, const OpaqueBase<Floats>& b, P
   if (const Mask lamps = wanted & !sky; any(lamps)) {
     const u32 root_light = scene.light_nodes[0].count > 0 ? scene.light_nodes[0].first : 0;
     const LeafLanes leaf = choose_light(scene.light_nodes, lamps, p, n,
-                                        {i32(root_light), surfaces, stretched(u, surfaces)});
+                                        {i32(root_light), surfaces, rescale_uniform(u, surfaces)});
     light = leaf.light;
     constexpr i32 kStride = sizeof(LightView) / sizeof(float);
     static_assert(sizeof(LightView) % sizeof(float) == 0);
-    const auto field = [&](const float& of_first) { return at(&of_first, light * kStride); };
+    const auto field = [&](const float& of_first) { return gather(&of_first, light * kStride); };
     const LightView& first = scene.lights[0];
     const Vec3<Floats> center(field(first.sphere_center.x), field(first.sphere_center.y),
                               field(first.sphere_center.z));
@@ -106,7 +106,7 @@ KERNEL void sample_lights(const SceneView& scene, const OpaqueBase<Floats>& b, P
   }
   if (any(wanted & sky)) {
     const Floats share = 1 - surfaces;
-    const Vec3<Floats> local = sample_cosine(Vec2<Floats>(stretched(u - surfaces, share), w));
+    const Vec3<Floats> local = sample_cosine(Vec2<Floats>(rescale_uniform(u - surfaces, share), w));
     direction = select(sky, to_world(b.frame, local), direction);
     pdf = select(sky, local.z * kInvPi * scene.dome.probability * share, pdf);
   }

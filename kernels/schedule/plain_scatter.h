@@ -65,7 +65,7 @@ KERNEL Mask set_rays_of_light(PlainVertices& v) {
   const Vec3<Floats> direction = v.light_direction;
   const Vec3<Floats> origin = origin_towards(v, direction);
   const Vec3<Floats> d = Vec3<Floats>(v.light_target) - origin;
-  const Floats distance = root(dot(d, d));
+  const Floats distance = sqrt(dot(d, d));
   const Mask near = Floats(v.light_near) > 0;
   v.ray_origin = origin;
   v.ray_direction = select(near, d / distance, direction);
@@ -74,8 +74,8 @@ KERNEL Mask set_rays_of_light(PlainVertices& v) {
 }
 
 /// sample_light() at each, but for its ray and what it brings.
-HELIO_ONCE KERNEL void take_lights(const SceneView& scene, bool plain_lights,
-                                   const OpaqueBase<Floats>& b, PlainVertices& v) {
+HELIO_ALWAYS_INLINE KERNEL void take_lights(const SceneView& scene, bool plain_lights,
+                                            const OpaqueBase<Floats>& b, PlainVertices& v) {
   if (plain_lights) sample_lights(scene, b, v);
   const Floats light_pdf = v.light_pdf;
   BsdfValueOf<Floats> f = evaluate(b, v.light_direction);
@@ -100,7 +100,8 @@ struct Scattered {
   BsdfValueOf<Floats> f;
 };
 /// sample_bsdf()
-HELIO_ONCE KERNEL Scattered sample_own(const OpaqueBase<Floats>& b, const PlainVertices& v) {
+HELIO_ALWAYS_INLINE KERNEL Scattered sample_own(const OpaqueBase<Floats>& b,
+                                                const PlainVertices& v) {
   const Mask all = first_lanes(v.count);
   const Vec2<Floats> u(v.scatter_u, v.scatter_v);
   const Mask facets = Floats(v.lobe_u) >= b.diffuse_probability;
@@ -135,7 +136,7 @@ HELIO_RARE KERNEL void turn_to_casters(const OpaqueBase<Floats>& b, const Aimed&
 }
 
 /// scatter() at each.
-HELIO_ONCE KERNEL void scatter_on(const OpaqueBase<Floats>& b, PlainVertices& v) {
+HELIO_ALWAYS_INLINE KERNEL void scatter_on(const OpaqueBase<Floats>& b, PlainVertices& v) {
   Aimed aimed{};
   if (v.any_looks) aimed = aim(v);
   Scattered s = sample_own(b, v);
@@ -167,7 +168,7 @@ HELIO_ONCE KERNEL void scatter_on(const OpaqueBase<Floats>& b, PlainVertices& v)
 
 KERNEL void scatter_all(const SceneView& scene, bool plain_lights, PlainVertices& v) {
   const OpaqueBase<Floats> b = plain_base(v);
-  if (v.any_looks) see_casters(scene, b, v);
+  if (v.any_looks) gather_caustic_targets(scene, b, v);
   take_lights(scene, plain_lights, b, v);
   scatter_on(b, v);
 }

@@ -66,8 +66,8 @@ KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item)
 
 /// What became of a path that arrived.
 struct Arrival {
-  bool goes_on;      // it has set out again
-  bool takes_light;  // if the ray in WaveView::lights is free
+  bool goes_on;           // it has set out again
+  bool wants_shadow_ray;  // if the ray in WaveView::lights is free
 };
 
 /// The steps of a wave's items, or of those of one picture among several. No two at a time are of
@@ -98,7 +98,7 @@ class Wave {
     return sets_out;
   }
   /// The item's ray has met its hit.
-  HELIO_ONCE KERNEL Arrival arrive(u32 item) const {
+  HELIO_ALWAYS_INLINE KERNEL Arrival arrive(u32 item) const {
     Path path;
     take_up(load_whole(view_.paths[item]), load_whole(view_.rays[item]), path);
     path.route = route_of(2 * item);

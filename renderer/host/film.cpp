@@ -196,8 +196,8 @@ FilmMemory HostFilm::memory() const {
   return {{sums_.get(), sum_bytes_}, {centres_.get(), centre_bytes_}};
 }
 
-kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to,
-                                  PictureOf picture) const {
+kernels::FilmView HostFilm::rebased(kernels::FilmView view, const FilmMemory& to,
+                                    PictureOf picture) const {
   const auto move = [&]<class T>(T*& array) {
     if (!array) return;
     const auto* at = static_cast<const std::byte*>(static_cast<const void*>(array));
@@ -257,7 +257,7 @@ ProbeTask HostFilm::probe_task() const {
     return e.sight.scene ? kernels::ProbeScene{&e.view, &e.sight.camera, e.camera_jumped}
                          : kernels::ProbeScene{};
   };
-  return {.context = {.now = {&still_.scene->view_elsewhere(), &still_.camera},
+  return {.context = {.now = {&still_.scene->view_without_instances(), &still_.camera},
                       .forward = end(forward_),
                       .backward = end(backward_),
                       .disparity = job().disparity_camera ? &disparity_.camera : nullptr,

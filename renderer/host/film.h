@@ -96,8 +96,8 @@ class HostFilm final : public Film {
   /// A task's view of the same arrays in other memory, which has each of them for all pictures of a
   /// film, and so is as many times as large. rank_of_group stays: it points at as many u32 of the
   /// host as the scene has light groups.
-  [[nodiscard]] kernels::FilmView moved(kernels::FilmView view, const FilmMemory& to,
-                                        PictureOf picture = {}) const;
+  [[nodiscard]] kernels::FilmView rebased(kernels::FilmView view, const FilmMemory& to,
+                                          PictureOf picture = {}) const;
 
   /// Where the sums of a run are, and what put() of another film takes of it: these bytes, one
   /// after another.

@@ -21,8 +21,9 @@ struct RenderTask {
   const kernels::FilmView* film;
 };
 
-/// Centre planes. The view of `now` is ResidentScene::view_elsewhere(). A flow end's view in the
-/// context has instances and volumes of its own, marked kFlowInvalid; all else is as in its scene.
+/// Centre planes. The view of `now` is ResidentScene::view_without_instances(). A flow end's view
+/// in the context has instances and volumes of its own, marked kFlowInvalid; all else is as in its
+/// scene.
 struct ProbeTask {
   kernels::ProbeContext context;
   std::size_t rest_boxes;                         // of the context

@@ -62,8 +62,8 @@ std::vector<CastLight> all_lights(const Lights& lights, const Box& scene) {
   const float distance = kDistant * float(size_of(scene));
   for (const kernels::SunView& sun : lights.suns)
     found.push_back({{.center = middle + distance * sun.direction,
-                      .radius = distance * std::sqrt(2 * sun.depth)},
-                     2 * M_PI * M_PI * double(sun.depth * kernels::luminance(sun.radiance)),
+                      .radius = distance * std::sqrt(2 * sun.one_minus_cos)},
+                     2 * M_PI * M_PI * double(sun.one_minus_cos * kernels::luminance(sun.radiance)),
                      true});
   return found;
 }

@@ -262,7 +262,7 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power, 
   const kernels::InstanceView instance = placement_.instance(base.instance);
   const kernels::LightBounds own =
       light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), forward);
-  kernels::note_sphere(light, instance, placement_.meshes[mesh]->shape());
+  kernels::detect_sphere(light, instance, placement_.meshes[mesh]->shape());
   bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);
@@ -295,7 +295,7 @@ void Lighter::add_sun(u32 index) {
   if (!emits(light) || black(glm::abs(axis))) return;
   kernels::SunView sun{};
   sun.direction = axis;
-  sun.depth = float(disc_depth(double(light.sun_angle)));
+  sun.one_minus_cos = float(disc_depth(double(light.sun_angle)));
   sun.radiance = light_radiance(light, {});
   sun.visibility = entity.visibility;
   sun.light_group = group_of(entity.light_group.get());
@@ -363,7 +363,7 @@ void Lighter::distribute(double dome) {
   }
   std::vector<double> suns;
   for (const auto& sun : made_->suns) {
-    suns.push_back(2 * M_PI * double(sun.depth * luminance(sun.radiance)));
+    suns.push_back(2 * M_PI * double(sun.one_minus_cos * luminance(sun.radiance)));
     all_suns += suns.back();
   }
   glm::dvec3 shares(lamps, scene_section() * all_suns, scene_section() * dome);

@@ -60,7 +60,7 @@ std::shared_ptr<const Surfaces> make_surfaces(const Structure& structure,
   u8 all = 0;
   for (std::size_t row = 0; row < used.size(); ++row) {
     if (!used[row]) continue;
-    kernels::note_material(surfaces->all, materials.materials[row]);
+    kernels::accumulate_features(surfaces->all, materials.materials[row]);
     all |= of_material[row];
   }
   if (all == 0) return surfaces;

@@ -16,7 +16,7 @@ using HoleSlots = std::shared_ptr<const std::vector<u8>>;
 struct Surfaces {
   HoleSlots holes;
   std::vector<u32> focusing;  // slots that reflect or refract light sharply
-  kernels::SceneView all{};   // what note_material() says of all materials in use
+  kernels::SceneView all{};   // what accumulate_features() says of all materials in use
 };
 
 /// A function of the materials and the structure. `before`, or null, has the same structure: holes

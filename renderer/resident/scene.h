@@ -22,7 +22,7 @@ class ResidentScene final : public DeviceScene {
   /// for. Thread: any.
   [[nodiscard]] const kernels::SceneView& view() const;
   /// The same where somebody else has that array: its instances are null.
-  [[nodiscard]] const kernels::SceneView& view_elsewhere() const { return state_->view(); }
+  [[nodiscard]] const kernels::SceneView& view_without_instances() const { return state_->view(); }
   [[nodiscard]] const Snapshot& snapshot() const { return state_->snapshot(); }
   [[nodiscard]] const TimeSpan& span() const { return state_->span(); }
   [[nodiscard]] const ScenePieces& pieces() const { return state_->pieces(); }

@@ -23,15 +23,8 @@ PLANES = [
     *("coverage", "direct_diffuse", "indirect_diffuse", "direct_glossy", "indirect_glossy"),
     *("direct_transmission", "indirect_transmission", "direct_subsurface", "indirect_subsurface"),
     *("direct_volume", "indirect_volume", "emission_light", "environment_light"),
-    *(
-        "ior",
-        "diffuse_color",
-        "ambient_occlusion",
-        "cost",
-        "beauty_still",
-        "beauty:lamp",
-        "shadow_catcher",
-    ),
+    *("ior", "diffuse_color"),
+    *("ambient_occlusion", "cost", "beauty_still", "beauty:lamp", "shadow_catcher"),
 ]
 
 

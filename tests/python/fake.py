@@ -39,6 +39,10 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.needs = []  # companions DecodeAsset asks for, one a round
         self.exported = []
         self.imported = []
+        self.server = U.GetServerInfoReply(version="fake", min_api=1, max_api=1)
+        for name in ("BEAUTY", "DEPTH", "DISPARITY"):
+            plane = render_pb2.Plane.Value(f"PLANE_{name}")
+            self.server.planes.add(plane=plane, averaged=name == "BEAUTY")
         self._local_channels = []
         self._server = grpc.server(futures.ThreadPoolExecutor(16))
         service_pb2_grpc.add_RendererServicer_to_server(self, self._server)
@@ -82,13 +86,13 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             context.abort(grpc.StatusCode.UNAUTHENTICATED, "no such ticket")
         self.tickets.remove(request.ticket)
         self.sessions.append(request.client)
-        return U.OpenSessionReply(session=len(self.sessions), instance=1)
+        return U.OpenSessionReply(session=len(self.sessions), instance=1, server=self.server)
 
     def CloseSession(self, request, context):
         return U.CloseSessionReply()
 
     def GetServerInfo(self, request, context):
-        return U.GetServerInfoReply(version="fake", min_api=1, max_api=1)
+        return self.server
 
     def ListSessions(self, request, context):
         return U.ListSessionsReply(sessions=[U.SessionUse(client=name) for name in self.sessions])

@@ -47,6 +47,14 @@ def test_what_the_request_says(daemon, scene):
     assert sent.labels.amodal_masks and sent.filter == render_pb2.PIXEL_FILTER_BOX
 
 
+def test_of_a_daemon_that_does_not_tell_all_is_asked_for(daemon):
+    del daemon.server.planes[:]
+    with hg.connect(daemon.address) as client:
+        client.create_scene("demo").render("cam", planes=["depth"])
+    sent = daemon.requests[-1]
+    assert sent.spp == 64 and sent.labels.boxes
+
+
 def test_rerender_sends_the_manifests_request(daemon, scene):
     request = '{"seed": "9", "spp": 4, "width": 8, "height": 6, "revision": "3", "cameras": '
     request += '[{"name": "cam"}], "planes": [{"plane": "PLANE_BEAUTY"}]}'

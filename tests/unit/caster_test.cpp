@@ -60,7 +60,7 @@ TEST_CASE("casters: directions to them follow their density, level 1e-6") {
   CasterCones cones;
   scene.cast_lights = &kLamp;
   scene.cast_light_count = 1;
-  see_casters(cones, scene, vec3(0), vec3(0, 0, 1));
+  gather_caustic_targets(cones, scene, vec3(0), vec3(0, 0, 1));
   REQUIRE(cones.count == 4);
   Random random;
   const auto sample = [&](double& x, double& y) {
@@ -81,7 +81,7 @@ TEST_CASE("casters: a point sees none that it is within, or that lies below its 
   scene.casters = kCasters;
   scene.caster_count = 3;
   CasterCones cones;
-  see_casters(cones, scene, {1, 0, 0.4f}, {0, 0, -1});
+  gather_caustic_targets(cones, scene, {1, 0, 0.4f}, {0, 0, -1});
   CHECK(cones.count == 1);  // the last one, which reaches below
 }
 
@@ -93,7 +93,7 @@ TEST_CASE("casters: fewer directions go to one that looks small") {
   scene.caster_probability = 0.2f;
   const auto probability = [&](float distance) {
     CasterCones cones;
-    see_casters(cones, scene, {0, 0, -distance}, {0, 0, 1});
+    gather_caustic_targets(cones, scene, {0, 0, -distance}, {0, 0, 1});
     return cones.probability;
   };
   CHECK(probability(0.6f) == 0.2f);

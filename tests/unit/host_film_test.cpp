@@ -41,9 +41,9 @@ void draw(const host::HostFilm& film, Device& device) {
   const host::FilmMemory memory{device.sums, device.centres};
   const auto tasks = film.render_tasks();
   REQUIRE(tasks.size() == 2);
-  const kernels::FilmView view = film.moved(*tasks[0].film, memory);
-  const kernels::FilmView still = film.moved(*tasks[1].film, memory);
-  const kernels::FilmView probed = film.moved(*film.probe_task().film, memory);
+  const kernels::FilmView view = film.rebased(*tasks[0].film, memory);
+  const kernels::FilmView still = film.rebased(*tasks[1].film, memory);
+  const kernels::FilmView probed = film.rebased(*film.probe_task().film, memory);
   for (u32 i = 0; i < kPixels; ++i) {
     const float beauty[]{float(i), 0, 0, 1}, twice[]{2.0f * float(i), 0, 0, 1};
     kernels::add_sample<4>(view, Plane::BEAUTY, i, beauty, true);
@@ -90,7 +90,7 @@ TEST_CASE("host film: arrays moved elsewhere lie apart, within as many bytes") {
   REQUIRE(backend.has_value());
   const auto film = make_film(**backend);
   Device device(*film);
-  const kernels::FilmView view = film->moved(film->view(), {device.sums, device.centres});
+  const kernels::FilmView view = film->rebased(film->view(), {device.sums, device.centres});
   std::vector<const std::byte*> arrays;
   for (const void* plane : view.planes) arrays.push_back(static_cast<const std::byte*>(plane));
   for (const float* partial : {view.partial[u32(Plane::BEAUTY)], view.partial[u32(Plane::COVERAGE)],
@@ -120,7 +120,7 @@ TEST_CASE("host film: arrays of several pictures follow each other") {
       centres(film->memory().centres.size() * kCount);
   std::vector<std::pair<const std::byte*, u64>> arrays;
   for (u32 i = 0; i < kCount; ++i) {
-    const kernels::FilmView view = film->moved(film->view(), {sums, centres}, {i, kCount});
+    const kernels::FilmView view = film->rebased(film->view(), {sums, centres}, {i, kCount});
     const auto note = [&](const void* at, Plane plane) {
       const PlaneInfo& info = plane_info(plane);
       const u64 bytes = u64(kPixels) * info.channels * size_of(info.dtype);

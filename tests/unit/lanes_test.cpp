@@ -10,6 +10,7 @@
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
+namespace kernels = heliograph::kernels;  // its names where the C library has them, too
 
 namespace {
 
@@ -57,12 +58,13 @@ TEST_CASE("lanes: arithmetic, order and roots are those of floats") {
     check_same([](auto x, auto y) { return min2(x, y); }, a, b);
     check_same([](auto x, auto y) { return max2(y, x); }, a, b);
     check_same([](auto x, auto y) { return select(x < y, x, y) + select(x >= y, x, -y); }, a, b);
-    check_same([](auto x, auto) { return rounded_down(x); }, a, b);
-    check_same([](auto x, auto y) { return size_of(x) * sign_of(y); }, a, b);
+    check_same([](auto x, auto) { return kernels::floor(x); }, a, b);
+    check_same([](auto x, auto y) { return kernels::abs(x) * sign_of(y); }, a, b);
     check_same([](auto x, auto) { return safe_sqrt(x); }, a, b);
     check_same([](auto x, auto) { return clamp01(x); }, a, b);
-    check_same([](auto x, auto y) { return stretched(size_of(x), size_of(y)); }, b, b);
-    check_same([](auto x, auto) { return to_float(to_int(size_of(x))); }, b, b);
+    check_same([](auto x, auto y) { return rescale_uniform(kernels::abs(x), kernels::abs(y)); }, b,
+               b);
+    check_same([](auto x, auto) { return to_float(to_int(kernels::abs(x))); }, b, b);
   }
 }
 
@@ -75,10 +77,11 @@ TEST_CASE("lanes: vectors, frames, angles and microfacets are those of floats") 
     const Vec3<Floats> local = to_local(frame, v);
     const Floats turns = random_floats(random, 3);
     const SinCosOf<Floats> angle = sincos_turns(turns);
-    const Floats alpha = size_of(random_floats(random, 1)) + 0.01f;
+    const Floats alpha = kernels::abs(random_floats(random, 1)) + 0.01f;
     const AlbedoOf<Floats> albedo = albedo_at(albedo_row(alpha), turns);
-    const Vec3<Floats> wo(n.x, n.y, size_of(n.z) + 0.01f);
-    const Vec2<Floats> u(size_of(random_floats(random, 1)), size_of(random_floats(random, 1)));
+    const Vec3<Floats> wo(n.x, n.y, kernels::abs(n.z) + 0.01f);
+    const Vec2<Floats> u(kernels::abs(random_floats(random, 1)),
+                         kernels::abs(random_floats(random, 1)));
     const Vec3<Floats> h = sample_ggx(wo, GgxOf<Floats>{alpha, alpha}, u);
     for (u32 k = 0; k < kLanes; ++k) {
       const vec3 one = lane_of(v, k), unit = normalize(one);
@@ -106,7 +109,7 @@ TEST_CASE("lanes: masks, tables and memory") {
   CHECK(all(x >= 0));
   CHECK_FALSE(all(x > 0));
   const float table[]{5, 6, 7, 8, 9, 10, 11, 12};
-  CHECK(bits_of(at(table, 7 - to_int(x)) == 12 - x) == 0xff);
+  CHECK(bits_of(gather(table, 7 - to_int(x)) == 12 - x) == 0xff);
   Row3 rows;
   rows = Vec3<Floats>(x, x + 1, x + 2);
   CHECK(rows.get(3) == vec3(3, 4, 5));

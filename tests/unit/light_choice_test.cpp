@@ -50,7 +50,7 @@ struct Lit {
     if (emitters & kSun) {
       SunView sun{};
       sun.direction = normalize(vec3(1, 0, 1));
-      sun.depth = 1e-4f;
+      sun.one_minus_cos = 1e-4f;
       sun.radiance = vec3(900);
       sun.visibility = kAllRays;
       scene.suns.push_back(sun);
@@ -106,10 +106,10 @@ TEST_CASE("light: what is chosen more often is what may send more") {
     return receiver_at(lit.scene.view, {0, 0, z}, n, Facing::kFront, 0).surface_share;
   };
   const vec3 up(0, 0, 1);
-  CHECK(share(1.9f, up) == 1 - kLeastShare);
+  CHECK(share(1.9f, up) == 1 - kMinTechniqueShare);
   CHECK(share(-2, up) > share(-4, up));
-  CHECK(share(-1000, up) == kLeastShare);
-  CHECK(share(0, -up) == kLeastShare);  // its light does not come there
+  CHECK(share(-1000, up) == kMinTechniqueShare);
+  CHECK(share(0, -up) == kMinTechniqueShare);  // its light does not come there
   const auto in_medium = [](const Lit& in) {
     return receiver_at(in.scene.view, vec3(0), vec3(0), Facing::kAny, 0).surface_share;
   };

@@ -32,7 +32,7 @@ struct Studio {
     scene.add_light(lamp);
     scene.add_light(sheet);
     scene.suns.push_back({.direction = normalize(vec3(1, 2, 3)),
-                          .depth = 0.02f,
+                          .one_minus_cos = 0.02f,
                           .radiance = vec3(30, 20, 10),
                           .visibility = kAllRays,
                           .light_group = 3});

@@ -316,7 +316,7 @@ TEST_CASE("sun: irradiance is pi L sin^2 of the angular radius, whoever finds it
       scene.add_instance(scene.add(rectangle(10, 10)), scene.add(m));
       SunView sun{};
       sun.direction = normalize(vec3(1, 0, 2));
-      sun.depth = float(2 * std::pow(std::sin(0.5 * double(angle)), 2));
+      sun.one_minus_cos = float(2 * std::pow(std::sin(0.5 * double(angle)), 2));
       sun.radiance = vec3(3);
       sun.visibility = kAllRays;
       scene.suns.push_back(sun);

@@ -17,7 +17,7 @@ constexpr double kPi = M_PI;
 Light shape(LightShape kind, LightUnit unit, float strength) {
   return {.intensity = strength, .unit = unit, .shape = kind};
 }
-mat4x3 stretched(vec3 s) { return scaled(s, vec3(0)); }
+mat4x3 rescale_uniform(vec3 s) { return scaled(s, vec3(0)); }
 
 /// W that a light of radiance 1 and half angle `outer` sends, by quadrature over directions.
 double quadrature(const Light& light, bool flat) {
@@ -70,7 +70,7 @@ TEST_CASE("lights: what shapes make of their strengths") {
   using enum LightShape;
   using enum LightUnit;
   const auto radiance = [](const Light& light, vec3 size) {
-    return double(resident::light_radiance(light, shape_extent(light, stretched(size))).y);
+    return double(resident::light_radiance(light, shape_extent(light, rescale_uniform(size))).y);
   };
   CHECK(radiance(shape(kSphere, kIntensity, 3), vec3(0.5f)) == Approx(3 / (kPi * 0.25)));
   CHECK(radiance(shape(kSphere, kCandela, 683), vec3(0.5f)) == Approx(1 / (kPi * 0.25)));
@@ -84,7 +84,7 @@ TEST_CASE("lights: what shapes make of their strengths") {
   // A spheroid of semi-axes 1, 1, 2: 2 pi (1 + 2 asin(e) / e), e^2 = 3 / 4.
   const double e = std::sqrt(0.75);
   const double area = 2 * kPi * (1 + 2 / e * std::asin(e));
-  CHECK(shape_extent(shape(kSphere, kPower, 1), stretched({1, 1, 2})).flux ==
+  CHECK(shape_extent(shape(kSphere, kPower, 1), rescale_uniform({1, 1, 2})).flux ==
         Approx(kPi * area).epsilon(1e-4));
 }
 

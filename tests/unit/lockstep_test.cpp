@@ -145,7 +145,7 @@ TEST_CASE("lockstep: lamps that are no even spheres are sampled one by one") {
   SECTION("a sun") {
     scene.suns.push_back({});
     scene.suns.back().direction = normalize(vec3(1, 1, 2));
-    scene.suns.back().depth = 0.01f;
+    scene.suns.back().one_minus_cos = 0.01f;
     scene.suns.back().radiance = vec3(50);
     scene.suns.back().visibility = kAllRays & ~kGlossyRay;
   }

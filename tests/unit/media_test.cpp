@@ -49,7 +49,7 @@ CameraView keyhole(float z, u32 size = 1) {
 SunView sun(vec3 direction, float irradiance) {
   const float depth = 1e-5f;
   return {.direction = normalize(direction),
-          .depth = depth,
+          .one_minus_cos = depth,
           .radiance = vec3(irradiance / (2 * kPi * depth)),
           .probability = 1,
           .visibility = kAllRays};
@@ -304,10 +304,10 @@ TEST_CASE("medium: surfaces are left as they were entered") {
   cross(second, out);
   CHECK(inside.depth == 1);
   for (u32 i = 0; i < 9; ++i) cross(first, in);
-  CHECK(inside.depth == kMostInside);
+  CHECK(inside.depth == kMaxMediumDepth);
   MaterialView sheet = a;
   sheet.thin_walled = true;
   first.material = &sheet;
   cross(first, out);
-  CHECK(inside.depth == kMostInside);
+  CHECK(inside.depth == kMaxMediumDepth);
 }

@@ -204,7 +204,7 @@ TEST_CASE("nested: bodies are kept by priority, four of them") {
   CHECK(met(3, out).outside == Approx(1.2));
   CHECK(met(4, in).outside == Approx(1.4));
   cross(4, in);  // one too many: the path is not inside of it
-  CHECK(inside.depth == kMostInside);
+  CHECK(inside.depth == kMaxMediumDepth);
   CHECK(met(4, out).outside == Approx(1.4));
   cross(3, out);
   CHECK(met(1, out).outside == Approx(1.1));

@@ -55,10 +55,11 @@ u64 render_plain_wave(const SceneView& scene, const CameraView& camera, const Se
   const Wave wave(shot, work, view, tracer);
   for (u32 item = 0; item < items_of(work); ++item) {
     Arrival arrival{wave.begin(item), false};
-    while (arrival.goes_on || arrival.takes_light) {
+    while (arrival.goes_on || arrival.wants_shadow_ray) {
       const WaveRay& ray = rays_of[item];
       if (arrival.goes_on) hits[item].hit = rays.closest(ray.ray, ray.mask);
-      if (arrival.takes_light && !rays.occluded(lights[item].ray, kShadowRay)) wave.shine(item);
+      if (arrival.wants_shadow_ray && !rays.occluded(lights[item].ray, kShadowRay))
+        wave.shine(item);
       arrival = arrival.goes_on ? wave.arrive(item) : Arrival{false, false};
     }
   }

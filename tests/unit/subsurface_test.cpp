@@ -108,7 +108,7 @@ TEST_CASE("subsurface: a body without a way inside is diffuse") {
     TestScene scene;
     scene.add_instance(scene.add(sphere(24)), scene.add(m));
     scene.suns.push_back({.direction = normalize(vec3(1, 0.3f, 0.4f)),
-                          .depth = 1e-3f,
+                          .one_minus_cos = 1e-3f,
                           .radiance = vec3(100),
                           .probability = 1,
                           .visibility = kAllRays});

@@ -146,7 +146,7 @@ class TestScene {
     for (LightView& light : lights) light_bounds.push_back(add_tree(light));
     for (LightView& light : lights) {
       const InstanceView& instance = instances[light.instance];
-      note_sphere(light, instance, meshes_[instance.mesh].shape);
+      detect_sphere(light, instance, meshes_[instance.mesh].shape);
     }
     view.only_spheres =
         std::ranges::all_of(lights, [](const LightView& light) { return light.sphere_radius > 0; });
@@ -177,7 +177,7 @@ class TestScene {
     view.instance_count = u32(instances.size());
     view.light_count = u32(lights.size());
     for (const InstanceView& i : instances) view.any_holes |= (i.flags & kMayBeHole) != 0;
-    for (const u32 m : part_materials_) note_material(view, materials[m]);
+    for (const u32 m : part_materials_) accumulate_features(view, materials[m]);
     return view;
   }
 

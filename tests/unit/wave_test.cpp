@@ -76,13 +76,15 @@ class HostWave {
   Wave<TestTracer> wave_of(u32 item) const {
     return {picture(item).shot, work_, view_, tracer_of(item)};
   }
-  static bool goes_on(const Arrival& arrival) { return arrival.goes_on || arrival.takes_light; }
+  static bool goes_on(const Arrival& arrival) {
+    return arrival.goes_on || arrival.wants_shadow_ray;
+  }
   /// An item's ray, and the one that its light waits for.
   void trace(u32 item) {
     const TestTracer& tracer = tracer_of(item);
     if (arrivals_[item].goes_on)
       hits_[item].hit = tracer.closest(rays_[item].ray, rays_[item].mask);
-    if (arrivals_[item].takes_light && !tracer.occluded(lights_[item].ray, kShadowRay))
+    if (arrivals_[item].wants_shadow_ray && !tracer.occluded(lights_[item].ray, kShadowRay))
       wave_of(item).shine(item);
   }
 

@@ -30,9 +30,9 @@ __device__ void arrive_all(const WaveLaunch& l) {
       const CalledTracer<Answers::kPictures> tracer{{shot.view.scene, shot.bvh}};
       arrival = Wave(shot.view, l.work, l.wave, tracer).arrive(item);
     }
-    const Places at = take_places(next.active, arrival.goes_on, arrival.takes_light);
+    const Places at = take_places(next.active, arrival.goes_on, arrival.wants_shadow_ray);
     if (arrival.goes_on) l.active[1 - l.round][at.first] = item;
-    if (arrival.takes_light) l.lit[at.second] = item;
+    if (arrival.wants_shadow_ray) l.lit[at.second] = item;
   }
 }
 

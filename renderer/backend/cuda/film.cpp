@@ -76,7 +76,7 @@ kernels::CameraView CudaFilm::copy(const kernels::CameraView& camera) {
 }
 
 kernels::FilmView CudaFilm::copy(const kernels::FilmView& film, u32 picture) const {
-  return pictures_[picture]->moved(
+  return pictures_[picture]->rebased(
       film, {{sums_.as<std::byte>(), sums_.bytes()}, {centres_.as<std::byte>(), centres_.bytes()}},
       {picture, u32(pictures_.size())});
 }

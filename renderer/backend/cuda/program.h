@@ -19,13 +19,14 @@ namespace heliograph::cuda {
 template <kernels::Answers kFor>
 struct CalledTracer {
   kernels::BvhTracerFor<kFor> tracer;
-  HELIO_CALL __device__ kernels::Hit closest(const kernels::Ray& ray, u32 mask) const {
+  HELIO_GPU_NOINLINE __device__ kernels::Hit closest(const kernels::Ray& ray, u32 mask) const {
     return tracer.closest(ray, mask);
   }
-  HELIO_CALL __device__ bool occluded(const kernels::Ray& ray, u32 mask) const {
+  HELIO_GPU_NOINLINE __device__ bool occluded(const kernels::Ray& ray, u32 mask) const {
     return tracer.occluded(ray, mask);
   }
-  HELIO_CALL __device__ kernels::Hit closest_in(u32 instance, const kernels::Ray& ray) const {
+  HELIO_GPU_NOINLINE __device__ kernels::Hit closest_in(u32 instance,
+                                                        const kernels::Ray& ray) const {
     return tracer.closest_in(instance, ray);
   }
 };

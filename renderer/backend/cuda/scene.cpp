@@ -64,7 +64,8 @@ Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& hos
                                                         const MeshCopies* like) {
   auto made = std::make_shared<MeshCopies>(context.mirror);
   made->of = host.placement().meshes;
-  made->views.assign(host.view_elsewhere().meshes, host.view_elsewhere().meshes + made->of.size());
+  made->views.assign(host.view_without_instances().meshes,
+                     host.view_without_instances().meshes + made->of.size());
   for (std::size_t i = 0; i < made->of.size(); ++i) {
     const DeviceMesh& mesh = *made->of[i];
     kernels::MeshView& view = made->views[i];
@@ -112,7 +113,7 @@ using kernels::LightView;
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
     std::shared_ptr<const ResidentScene> host, const CopyContext& context) {
   std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context));
-  scene->view_ = scene->host_->view_elsewhere();
+  scene->view_ = scene->host_->view_without_instances();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
   const auto like = find_in(context, [&](const CudaScene& other) {
