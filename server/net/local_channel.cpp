@@ -181,7 +181,7 @@ Status LocalChannel::bind(const std::string& ticket, u64 session) {
   });
   if (ticket.size() != kTicketBytes || found == connections_.end())
     return fail(Code::kUnauthenticated, "ticket",
-                "this ticket is not valid; connect to the daemon's second socket (SOCKET.fd.sock), "
+                "this ticket is not valid; connect to the daemon's local channel (SOCKET.fd.sock), "
                 "receive a new one and keep that connection open");
   found->second.session = session;
   found->second.ticket.clear();

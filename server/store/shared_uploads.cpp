@@ -98,7 +98,7 @@ Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
   }
   if (!taken)
     return fail(Code::kNotFound, "buffer.buffer",
-                fmt::format("this session has no buffer {}; hand it over on the second socket "
+                fmt::format("this session has no buffer {}; hand it over on the local channel "
                             "again: a use consumes it",
                             ref.buffer()));
   if (!*taken) return std::unexpected(taken->error());

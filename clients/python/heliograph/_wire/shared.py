@@ -76,7 +76,7 @@ class SharedFrames:
         if not answer:
             raise Unavailable("the daemon ended while a session was opened")
         if answer != _WISH:
-            raise Internal("the daemon's second socket does not answer")
+            raise Internal("the daemon's local channel does not answer")
 
     def plane(
         self, place: types.BufferRef, dtype: np.dtype[Any], shape: Sequence[int]
@@ -117,7 +117,7 @@ class SharedFrames:
         try:
             socket.send_fds(self._local_channel, [_WORD.pack(number, data.nbytes)], [fd])
         except OSError as error:
-            raise Unavailable(f"the daemon's second socket ended: {error}") from None
+            raise Unavailable(f"the daemon's local channel ended: {error}") from None
         finally:
             os.close(fd)
         return types.BufferRef(buffer=number, size=data.nbytes)
@@ -146,7 +146,7 @@ class SharedFrames:
         """Reads one message of the daemon: a new buffer, or one to forget."""
         word, fds, _, _ = socket.recv_fds(self._local_channel, _WORD.size + _UUID_BYTES, 1)
         if len(word) < _WORD.size:
-            raise Internal("the daemon's second socket ended")
+            raise Internal("the daemon's local channel ended")
         buffer, size = _WORD.unpack_from(word)
         if not fds:
             self._maps.pop(buffer, None)
