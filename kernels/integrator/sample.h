@@ -1,4 +1,4 @@
-// What one sample of a pixel brings home, plane by plane. Filled by path.h.
+// One sample of a pixel, and its sums in the planes of a film. Filled by path.h.
 #pragma once
 
 #include "kernels/bsdf/bsdf.h"

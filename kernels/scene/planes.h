@@ -17,8 +17,8 @@ enum class Fold : u8 {
   kPost,    // computed from other planes of the frame
 };
 
-// What a ray through a pixel's centre knows of the first surface that it meets, by what finds it
-// out. World space unless a name says otherwise.
+// Parts of a probe: values at the first surface that the ray through a pixel's centre meets. Each
+// part is found out by itself, where a plane wants it. World space unless a name says otherwise.
 struct ProbeHit {
   bool hit;
   float distance;
@@ -76,7 +76,7 @@ struct Probe : ProbeHit,
                ProbeBackward,
                ProbeStereo {};
 
-// What one sample of a pixel brings home: what every program makes, and what plain ones do not
+// Parts of a sample of a pixel: those of every program, and those that plain ones do not make
 // (platform.h, kRich).
 struct SamplePlain {
   vec3 radiance{0};
@@ -94,13 +94,13 @@ struct alignas(16) SampleRich {
   float open;  // of the hemisphere
 };
 
-// What planes that no sample or probe has a value for are read from.
+// Sources of planes that no sample or probe has a value for.
 struct SampleCount {};
 struct SquareSum {};
 struct CatcherSums {};
 struct GroupSums {};
 struct StillFilm {};
-/// Planes that a post plane is computed from.
+/// Source of a post plane: the planes that it is computed from.
 template <auto... Planes>
 struct Inputs {};
 /// The value of a plane that has none of its own in its part.
