@@ -14,7 +14,7 @@ inline constexpr PlaneSet kGuidePlaneSet =
 
 /// Those that plain programs do not make.
 inline constexpr PlaneSet kRichPlaneSet = planes_from<SampleRich>() | planes_from<GroupSums>();
-/// Whether some of these are wanted.
+/// True where a program makes rich planes and some of `planes` are wanted.
 KERNEL bool wants_rich(const FilmView& film, PlaneSet planes) {
   return kRich && (film.wanted & planes) != 0;
 }
@@ -64,11 +64,7 @@ template <int N, class Value>
 KERNEL void add_value(const FilmView& film, Plane plane, u64 pixel, const Value& value,
                       bool whole) {
   float channels[N];
-  if constexpr (N == 1) {
-    channels[0] = float(value);
-  } else {
-    for (int i = 0; i < N; ++i) channels[i] = value[i];
-  }
+  put_value<N>(channels, 0, value);
   add_sample<N>(film, plane, pixel, channels, whole);
 }
 

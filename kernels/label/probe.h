@@ -209,23 +209,13 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   return p;
 }
 
-template <class T, int N, class Value>
-KERNEL void put_plane(void* plane, u64 pixel, const Value& value) {
-  T* out = static_cast<T*>(plane) + pixel * N;
-  if constexpr (N == 1) {
-    out[0] = T(value);
-  } else {
-    for (int i = 0; i < N; ++i) out[i] = value[i];
-  }
-}
-
 /// Writes the planes that are read from one part of a probe.
 template <class Part>
 KERNEL void put_part(const FilmView& film, u64 pixel, const Part& from) {
-#define HELIO_PUT(NAME, type, channels, fold, unit, part, value)              \
-  if constexpr (std::is_same_v<Part, part>) {                                 \
-    if (wants(film, Plane::NAME))                                             \
-      put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, value); \
+#define HELIO_PUT(NAME, type, channels, fold, unit, part, value)                            \
+  if constexpr (std::is_same_v<Part, part>) {                                               \
+    if (wants(film, Plane::NAME))                                                           \
+      put_value<channels>(static_cast<type*>(film.planes[u32(Plane::NAME)]), pixel, value); \
   }
   HELIO_PLANES(HELIO_PUT)
 #undef HELIO_PUT

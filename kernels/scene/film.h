@@ -49,6 +49,17 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 KERNEL bool wants(const FilmView& film, Plane plane) { return film.wanted & plane_bit(plane); }
 
+/// Writes a number, or a vector, to a pixel's N channels of type T.
+template <int N, class T, class Value>
+KERNEL void put_value(T* to, u64 pixel, const Value& value) {
+  to += pixel * N;
+  if constexpr (N == 1) {
+    *to = T(value);
+  } else {
+    for (int i = 0; i < N; ++i) to[i] = value[i];
+  }
+}
+
 /// Adds a sample's value to a pixel's sums; what no f32 can hold counts as 0. `whole`: it is the
 /// last one of its block.
 KERNEL void add_to_sum(float& sum, float& partial, float value, bool whole) {

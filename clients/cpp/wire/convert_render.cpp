@@ -10,13 +10,13 @@ namespace {
 
 constexpr std::uint32_t kDefaultSpp = 64;
 
-/// What the daemon says of a plane; null where it says nothing.
+/// Row of a plane in the daemon's list; null where it has none.
 const v1::PlaneKind* kind_of(const v1::GetServerInfoReply& server, v1::Plane plane) {
   for (const v1::PlaneKind& kind : server.planes())
     if (kind.plane() == plane) return &kind;
   return nullptr;
 }
-/// Whether one of the planes is, or may be, averaged over samples; or is not, or may not be.
+/// True where the daemon lists one of the planes as `averaged`, or does not list it.
 bool may_any(const v1::GetServerInfoReply& server, const v1::RenderRequest& request,
              bool averaged) {
   const auto& planes = request.planes();

@@ -174,8 +174,7 @@ def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
 
 
 def may_any(scene: Scene, planes: Iterable[render_pb.PlaneRequest], averaged: bool) -> bool:
-    """Whether one of the planes is averaged over samples, or is not; where the daemon does not say,
-    both may be."""
+    """True where the daemon lists one of the planes as `averaged`, or does not list it."""
     said = scene.client.connection.link.averaged
     return any(said.get(plane.plane, averaged) == averaged for plane in planes)
 
