@@ -15,12 +15,6 @@ struct Cone {
 
 /// The width of a scattered ray's cone over that of a lobe.
 inline constexpr float kLobeShare = 0.2f;
-/// The cone of a pixel.
-KERNEL Cone pixel_cone(const CameraView& camera) {
-  const float size = 1 / max2(camera.fx, camera.fy);
-  return camera.lens.projection == Projection::kOrthographic ? Cone{size, 0} : Cone{0, size};
-}
-
 /// The spread of a ray that a lobe has chosen: a part of the solid angle that the lobe covers.
 ///
 /// After Bekaert, Slusallek, Cools, Havran and Seidel 2003, "A custom designed density estimation

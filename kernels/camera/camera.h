@@ -1,7 +1,8 @@
 // Rays of a camera, and where it sees a point. Called by path.h and probe.h.
 #pragma once
 
-#include "kernels/camera/distortion.h"
+#include "kernels/camera/projection.h"
+#include "kernels/camera/ray_table.h"
 #include "kernels/core/warp.h"
 #include "kernels/scene/ray.h"
 
@@ -13,8 +14,7 @@ KERNEL vec3 cv_from_gl(vec3 v) { return vec3(v.x, -v.y, -v.z); }
 /// What turns metres of clipping into metres along a ray.
 template <class F>
 KERNEL F clip_scale(const CameraView& camera, Vec3<F> direction) {
-  const Projection projection = camera.lens.projection;
-  if (projection == Projection::kFisheye || projection == Projection::kEquirectangular) return 1;
+  if (!is_straight(camera.lens.projection)) return 1;
   return 1 / dot(direction, Vec3<F>(normalize(-camera.world_from_camera[2])));
 }
 
@@ -52,11 +52,21 @@ KERNEL Vec3<F> ray_direction(const CameraView& camera, Vec3<F> d) {
   return normalize(transform_vector(camera.world_from_camera, Vec3<F>(d.x, -d.y, -d.z)));
 }
 
+/// The ray that a table has there.
+KERNEL Ray table_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
+  const TableRay ray = table_ray(camera.table, uvec2(camera.width, camera.height), raster);
+  const bool seen = sees(ray);
+  return {transform_point(camera.world_from_camera, cv_from_gl(ray.origin)),
+          ray_direction(camera, seen ? ray.direction : vec3(0, 0, 1)), seen ? INFINITY : 0,
+          camera.time, holes};
+}
+
 /// The ray through a raster position (pixel (x, y) covers [x, x + 1) x [y, y + 1)), neither blurred
 /// nor clipped; t_max is 0 where the camera sees nothing.
 KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
+  if (camera.table.rays) return table_ray(camera, raster, holes);
   const vec2 m = image_place(camera, raster);
-  if (camera.lens.projection == Projection::kOrthographic) {
+  if (is_parallel(camera.lens.projection)) {
     return {transform_point(camera.world_from_camera, vec3(m.x, -m.y, 0)),
             normalize(-camera.world_from_camera[2]), INFINITY, camera.time, holes};
   }
@@ -87,7 +97,7 @@ KERNEL Ray centre_ray(const CameraView& camera, vec2 centre) {
 KERNEL glm::dvec3 centre_direction(const CameraView& camera, vec2 centre, const Ray& ray) {
   using glm::dvec3;
   const glm::dmat4x3 pose(camera.world_from_camera);
-  if (camera.lens.projection == Projection::kOrthographic) return normalize(-pose[2]);
+  if (is_parallel(camera.lens.projection)) return normalize(-pose[2]);
   if (!is_rectilinear(camera.lens)) return normalize(dvec3(ray.direction));
   const glm::dvec2 m =
       (glm::dvec2(centre + beside_centre(camera)) - glm::dvec2(camera.cx, camera.cy)) /
@@ -129,7 +139,7 @@ struct Projected {
 
 KERNEL Projected project_cv(const CameraView& camera, vec3 p_cv) {
   if (is_rectilinear(camera.lens)) {
-    const float scale = camera.lens.projection == Projection::kOrthographic ? 1 : 1 / p_cv.z;
+    const float scale = is_parallel(camera.lens.projection) ? 1 : 1 / p_cv.z;
     return {vec2(camera.fx * p_cv.x * scale + camera.cx, camera.fy * p_cv.y * scale + camera.cy),
             p_cv.z > 0};
   }
@@ -153,18 +163,18 @@ KERNEL Projected project(const CameraView& camera, vec3 p_world) {
   return project_cv(camera, point_in_camera(camera, p_world));
 }
 
-/// Where a point infinitely far along a direction is seen. An orthographic camera sees it only
+/// Where a point infinitely far along a direction is seen. A camera of parallel rays sees it only
 /// straight ahead; there `otherwise` is returned.
 KERNEL Projected project_direction(const CameraView& camera, vec3 direction, vec2 otherwise) {
   const vec3 d = turn_to_camera(camera, direction);
-  if (camera.lens.projection != Projection::kOrthographic) return project_cv(camera, d);
+  if (!is_parallel(camera.lens.projection)) return project_cv(camera, d);
   return {otherwise, d.z > 0 && sqr(d.x) + sqr(d.y) < 1e-10f * sqr(d.z)};
 }
 
 /// The camera's ray that ends at a point that it sees; not clipped.
 KERNEL Ray camera_ray_to(const CameraView& camera, vec3 p_world, HoleKey holes) {
   vec3 direction;
-  if (camera.lens.projection == Projection::kOrthographic) {
+  if (is_parallel(camera.lens.projection)) {
     direction = normalize(-camera.world_from_camera[2]);
     const float distance = dot(p_world - camera.world_from_camera[3], direction);
     return {p_world - direction * distance, direction, distance, camera.time, holes};

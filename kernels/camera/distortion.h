@@ -1,9 +1,5 @@
-// What the lens of a camera does to directions: where the ray from a direction meets the image, and
-// back. The only place that knows projections; in f32 for rays, in f64 for labels. Called by
-// camera.h and renderer/frame/image_camera.cpp.
-//
-// Directions are in the OpenCV camera frame (x right, y down, z forward). The image plane is
-// normalised: raster = focal length * m + principal point.
+// What lenses do to straight lines: the models of Brown and Conrady and of Kannala and Brandt, and
+// their inverses; in f32 for rays, in f64 for labels. Called by projection.h.
 #pragma once
 
 #include "kernels/core/math.h"
@@ -195,82 +191,6 @@ KERNEL F fisheye_limit(const F (&k)[8]) {
     break;
   }
   return low;
-}
-
-// ---------------------------------------------------------------- every lens
-
-/// How far from the axis a lens can be inverted: LensModel::limit of its coefficients.
-template <class F>
-KERNEL F lens_limit(const LensModel<F>& lens) {
-  if (lens.projection == Projection::kFisheye) return fisheye_limit(lens.k);
-  return lens.distorted ? brown_conrady_limit(lens.k) : INFINITY;
-}
-
-/// Straight lines are seen straight.
-template <class F>
-KERNEL bool is_rectilinear(const LensModel<F>& lens) {
-  return !lens.distorted && (lens.projection == Projection::kPerspective ||
-                             lens.projection == Projection::kOrthographic);
-}
-
-/// Where on the normalised image plane a point is seen; false: nowhere, and m is not set.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL bool project(const LensModel<F>& lens, Vec3<F> p, Vec2<F>& m) {
-  const F r = std::sqrt(p.x * p.x + p.y * p.y);
-  switch (lens.projection) {
-    case Projection::kOrthographic:
-      m = Vec2<F>(p.x, p.y);
-      return p.z > 0;
-    case Projection::kEquirectangular:
-      m = Vec2<F>(angle_of(p.x, p.z), angle_of(p.y, std::sqrt(p.x * p.x + p.z * p.z)));
-      return r > 0 || p.z != 0;
-    case Projection::kFisheye: {
-      const F angle = angle_of(r, p.z);
-      m = r > 0 ? Vec2<F>(p.x, p.y) * (fisheye_radius(lens.k, angle).value / r) : Vec2<F>(0);
-      return angle < lens.limit && (r > 0 || p.z > 0);
-    }
-    case Projection::kPerspective:
-      break;
-  }
-  m = Vec2<F>(p.x, p.y) / p.z;
-  if (lens.distorted) {
-    if (!(r < lens.limit * p.z)) return false;
-    m = distort(lens.k, m).m;
-  }
-  return p.z > 0;
-}
-
-/// The point on the optical axis' plane z = 1, or for lenses wider than that the unit direction,
-/// that is seen at m; for orthographic cameras where its ray starts. false: nothing is seen there.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL bool unproject(const LensModel<F>& lens, Vec2<F> m, Vec3<F>& d) {
-  constexpr F kHalfTurn = F(3.14159265358979323846);
-  switch (lens.projection) {
-    case Projection::kOrthographic:
-      d = Vec3<F>(m, 0);
-      return true;
-    case Projection::kEquirectangular: {
-      const Vec2<F> longitude = cos_sin(m.x), latitude = cos_sin(m.y);
-      d = Vec3<F>(latitude.x * longitude.y, latitude.y, latitude.x * longitude.x);
-      return std::fabs(m.x) <= kHalfTurn && std::fabs(m.y) <= F(0.5) * kHalfTurn;
-    }
-    case Projection::kFisheye: {
-      const F radius = std::sqrt(m.x * m.x + m.y * m.y);
-      d = Vec3<F>(0, 0, 1);
-      if (!(radius > 0)) return true;
-      if (!(radius < fisheye_radius(lens.k, lens.limit).value)) return false;
-      const Vec2<F> angle = cos_sin(
-          solve_increasing(radius, lens.limit, [&](F x) { return fisheye_radius(lens.k, x); }));
-      d = Vec3<F>(m * (angle.y / radius), angle.x);
-      return true;
-    }
-    case Projection::kPerspective:
-      break;
-  }
-  Vec2<F> p = m;
-  const bool seen = !lens.distorted || undistort(lens.k, lens.limit, m, p);
-  d = Vec3<F>(p, 1);
-  return seen;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

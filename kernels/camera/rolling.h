@@ -1,11 +1,18 @@
-// Rolling shutters: when a camera sees a row, and in which row it sees a thing. Called by probe.h
-// and by a backend's labels.
+// Rolling shutters and scans: when a camera sees a pixel, and in which row it sees a thing. Called
+// by first_ray.h, probe.h and by a backend's labels.
 #pragma once
 
 #include "kernels/camera/camera.h"
 #include "kernels/geometry/motion.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
+
+/// When a camera starts to see pixel (x, y).
+KERNEL float pixel_time(const CameraView& camera, u32 x, u32 y) {
+  const float time = camera.shutter.open + camera.shutter.row * float(y);
+  if (!camera.table.times) return time;
+  return time + camera.shutter.seconds * camera.table.times[u64(y) * camera.width + x];
+}
 
 /// When a camera starts to see what is at raster.y; what is beyond the image, with its first or
 /// last row.

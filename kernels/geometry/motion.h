@@ -101,9 +101,4 @@ class CameraAt {
   CameraView now_;
 };
 
-/// The time at which row y of the image is seen; u in [0, 1): within the shutter.
-KERNEL float shutter_time(const ShutterView& shutter, u32 y, float u) {
-  return shutter.open + shutter.row * float(y) + shutter.length * u;
-}
-
 }  // namespace heliograph::kernels::inline HELIO_ISA

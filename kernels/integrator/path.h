@@ -5,9 +5,8 @@
 
 #include <new>
 
-#include "kernels/camera/camera.h"
-#include "kernels/camera/filter.h"
 #include "kernels/integrator/catcher.h"
+#include "kernels/integrator/first_ray.h"
 #include "kernels/integrator/path_volume.h"
 #include "kernels/integrator/subsurface.h"
 
@@ -31,17 +30,6 @@ KERNEL Path path_along(const PathContext<T>& c, const Ray& ray, SampleValues& sa
   path.boundaries = 0;
   if (has_media(c.scene)) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
   return path;
-}
-
-/// The ray of the camera that a sample of a pixel begins with.
-template <Tracer T>
-KERNEL Ray first_ray(const PathContext<T>& c, u32 x, u32 y) {
-  const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
-  const vec2 raster = centre_of(x, y) + offset;
-  const HoleKey holes = hole_key(c, kHoleHash);
-  return c.camera.aperture.radius > 0
-             ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
-             : camera_ray(c.camera, raster, holes);
 }
 
 /// Radiance of the dome where the path leaves the scene, weighted.
@@ -340,11 +328,6 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   return sample;
 }
 
-/// The time of a path through row y: stratified over the pixel's samples.
-KERNEL float path_time(const ShutterView& shutter, const Sampler& sampler, u32 y) {
-  return shutter_time(shutter, y, shutter.length > 0 ? sampler.get1(kTimePair) : 0);
-}
-
 /// Adds samples [first_sample, first_sample + sample_count) of pixel (x, y) to the film; returns
 /// rays traced.
 template <Tracer T>
@@ -356,7 +339,7 @@ KERNEL u32 render_pixel(const SceneView& scene, const CameraView& camera, const 
   u32 rays = 0;
   for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
     const Sampler sampler(key, i);
-    const float time = path_time(camera.shutter, sampler, y);
+    const float time = path_time(camera, sampler, x, y);
     const CameraAt now(camera, time);
     const PathContext<T> context{scene, now.camera(), settings, tracer, film, sampler, time, pixel};
     const SampleValues sample = trace_path(context, x, y);

@@ -223,14 +223,14 @@ KERNEL void put_part(const FilmView& film, u64 pixel, const Part& from) {
 
 /// Writes the centre planes of a pixel; returns rays traced.
 ///
-/// sight_of   (context at the pixel's row, rays) -> Sight
+/// sight_of   (context at the pixel's time, rays) -> Sight
 template <Tracer T, class SightOf>
 KERNEL u32 probe_by(const ProbeContext& context, const T* const (&tracers)[3], const FilmView& film,
                     uvec2 at, const SightOf& sight_of) {
   u32 rays = 0;
   const u64 pixel = u64(at.y) * film.width + at.x;
   const vec2 raster = centre_of(at.x, at.y);
-  const CameraAt camera(*context.now.camera, row_time(*context.now.camera, raster.y));
+  const CameraAt camera(*context.now.camera, pixel_time(*context.now.camera, at.x, at.y));
   ProbeContext at_row = context;
   at_row.now.camera = &camera.camera();
   const Sight sight = sight_of(at_row, rays);

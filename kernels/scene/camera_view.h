@@ -13,10 +13,18 @@ struct MotionKey {
   float xx, xy, xz, yy, yz, zz;  // upper triangle of the shear, whose diagonal is the scale
 };
 
-enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
+/// The kinds of cameras; camera/projection.h has a type for each.
+#define HELIO_PROJECTIONS(KIND) \
+  KIND(Perspective) KIND(Orthographic) KIND(Fisheye) KIND(Equirectangular) KIND(RayTable)
 
-/// How directions become places in the image; distortion.h has the formulas. Perspective: k1 k2 p1
-/// p2 k3 k4 k5 k6 of Brown and Conrady; fisheye: k1 k2 k3 k4 of Kannala and Brandt.
+enum class Projection : u8 {
+#define HELIO_PROJECTION(Name) k##Name,
+  HELIO_PROJECTIONS(HELIO_PROJECTION)
+#undef HELIO_PROJECTION
+};
+
+/// How directions become places in the image. Perspective: k1 k2 p1 p2 k3 k4 k5 k6 of Brown and
+/// Conrady; fisheye: k1 k2 k3 k4 of Kannala and Brandt.
 template <class F>
 struct LensModel {
   Projection projection;
@@ -36,9 +44,24 @@ struct ApertureView {
 
 /// When a camera sees, on the scene's time axis: 0 is the start and 1 the end of its motion.
 struct ShutterView {
-  float open;    // of row 0
-  float length;  // how long each row is open
-  float row;     // how much later than the row above a row opens
+  float open;     // of row 0, or of a ray table's time 0
+  float length;   // how long each row is open
+  float row;      // how much later than the row above a row opens
+  float seconds;  // of a ray table's times: how much later a pixel opens per second
+};
+
+/// The ray of a pixel, in the OpenCV camera frame (x right, y down, z forward).
+struct TableRay {
+  vec3 origin;     // metres
+  vec3 direction;  // of any length; 0: the pixel sees nothing
+};
+
+/// What a camera sees along, pixel by pixel, row-major.
+struct RayTableView {
+  const TableRay* rays;  // null: the camera is of another kind
+  const float* times;    // seconds; null: all 0
+  bool interpolated;     // between the centres of pixels
+  float width, spread;   // Cone of a pixel: the distance and the angle between neighbours
 };
 
 /// raster = (fx, fy) * (place on the lens model's image plane) + (cx, cy): cx, cy are raster
@@ -54,9 +77,10 @@ struct CameraView {
   u32 width;
   u32 height;
   LensModel<float> lens;
+  RayTableView table;
   ApertureView aperture;
-  // Metres along the optical axis (fisheye, equirectangular: along the ray) where rays start and
-  // end. far 0: they do not end.
+  // Metres along the optical axis, or along the ray where is_straight() does not hold, where rays
+  // start and end. far 0: they do not end.
   float near, far;
 };
 

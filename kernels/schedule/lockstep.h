@@ -151,7 +151,7 @@ class Lockstep {
   }
   /// lane: the item's, of a plain camera
   void set_out_from_camera(Item& item, u32 lane) {
-    item.time = path_time(camera_.shutter, item.sampler, item.y);
+    item.time = path_time(camera_, item.sampler, item.x, item.y);
     if (plain_camera_) {
       const PathContext<T> c = context(item);
       const Ray ray{camera_rays_.origin.get(lane), camera_rays_.direction.get(lane),

@@ -83,7 +83,7 @@ class Wave {
     const ItemPlace at = place_of(shot_.film, work_, item);
     if (!at.in_image) return false;
     const Sampler sampler = sampler_of(at);
-    const float time = path_time(shot_.camera.shutter, sampler, at.y);
+    const float time = path_time(shot_.camera, sampler, at.x, at.y);
     const CameraAt now(shot_.camera, time);
     const PathContext<T> c{shot_.scene, now.camera(), shot_.settings, tracer_,
                            view_.film,  sampler,      time,           item};

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/camera/distortion.h"
+#include "kernels/camera/projection.h"
 #include "kernels/scene/ray.h"
 #include "renderer/frame/film_planes.h"
 #include "renderer/frame/image_camera.h"
@@ -137,6 +137,36 @@ Status check_labels(const RenderJob& job, const JobLimits& limits) {
   return {};
 }
 
+/// What a camera whose pixels have rays of their own cannot tell, as it does not know where it sees
+/// a point.
+Status check_ray_tables(const RenderJob& job) {
+  using kernels::planes_from;
+  const PlaneSet flow =
+      (planes_from<kernels::ProbeForward>() | planes_from<kernels::ProbeBackward>()) &
+      ~plane_bit(Plane::SCENE_FLOW);
+  for (const EntityId id : job.cameras) {
+    const Camera& camera = *job.snapshot->find(id)->camera;
+    if (!camera.rays) continue;
+    const auto refuse = [&](Code code, const char* field, const std::string& why) {
+      return fail(code, field,
+                  fmt::format("'{}' has a ray table{}", job.snapshot->name_of(id), why));
+    };
+    constexpr const char* kNoPlace = ", which does not tell where it sees a point; ";
+    if (rendered_size(job, id) != uvec2(camera.width, camera.height))
+      return refuse(Code::kInvalidArgument, "width",
+                    fmt::format(" of {} x {} rays; render it at that size: leave out width and "
+                                "height",
+                                camera.width, camera.height));
+    if (wanted_planes(job) & flow)
+      return refuse(Code::kUnimplemented, "planes",
+                    std::string(kNoPlace) + "ask for scene_flow in place of flow in pixels");
+    if (job.labels.keypoints)
+      return refuse(Code::kUnimplemented, "labels.keypoints",
+                    std::string(kNoPlace) + "leave out keypoints");
+  }
+  return {};
+}
+
 /// Whether a camera and the second camera of disparity show a point in the same row: the same way
 /// of looking to 1e-4 radians, side by side, the same rows.
 Status check_rectified(const RenderJob& job, EntityId first) {
@@ -259,6 +289,7 @@ Status check_job(const RenderJob& job, const JobLimits& limits) {
     HELIO_TRY(check_camera(job, job.cameras[i], fmt::format("cameras[{}]", i)));
     HELIO_TRY(check_size(job, job.cameras[i], limits));
   }
+  HELIO_TRY(check_ray_tables(job));
   HELIO_TRY(check_stop_rule(job, limits));
   HELIO_TRY(check_disparity(job));
   HELIO_TRY(check_groups(job));

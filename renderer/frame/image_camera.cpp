@@ -4,11 +4,10 @@
 #include <limits>
 #include <numbers>
 
-#include "kernels/camera/distortion.h"
+#include "kernels/camera/projection.h"
+#include "renderer/scene/ray_table.h"
 
 namespace heliograph {
-
-static_assert(int(Projection::kEquirectangular) == int(kernels::Projection::kEquirectangular));
 
 namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -29,7 +28,7 @@ kernels::LensModel<float> single(const kernels::LensModel<double>& lens) {
 }
 
 kernels::LensModel<double> lens_of(const Camera& camera) {
-  kernels::LensModel<double> lens{.projection = kernels::Projection(camera.projection)};
+  kernels::LensModel<double> lens{.projection = camera.projection};
   std::ranges::copy(camera.distortion, lens.k);
   lens.distorted = std::ranges::any_of(camera.distortion, [](double k) { return k != 0; });
   lens.limit = kernels::lens_limit(lens);
@@ -56,6 +55,7 @@ ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, 
                          u32 height) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
   ImageCamera out{.lens = lens_of(camera),
+                  .rays = camera.rays,
                   .aperture = aperture_of(camera),
                   .near = camera.near,
                   .far = camera.far,
@@ -67,6 +67,17 @@ ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, 
   out.k[2] = {camera.cx * sx + 0.5 * (sx - 1), camera.cy * sy + 0.5 * (sy - 1), 1};
   out.camera_from_world_cv = cv_from_gl() * glm::inverse(rigid_camera(world_from_camera));
   return out;
+}
+
+bool direction_of(const ImageCamera& camera, u32 x, u32 y, glm::dvec3& direction) {
+  if (camera.rays) {
+    direction = glm::dvec3(camera.rays->rays[u64(y) * camera.width + x].direction);
+    return direction != glm::dvec3(0);
+  }
+  const glm::dvec2 m((x - camera.k[2][0]) / camera.k[0][0], (y - camera.k[2][1]) / camera.k[1][1]);
+  if (!kernels::unproject(camera.lens, m, direction)) return false;
+  if (kernels::is_parallel(camera.lens.projection)) direction = glm::dvec3(0, 0, 1);
+  return true;
 }
 
 glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera) {
@@ -87,6 +98,7 @@ kernels::CameraView camera_view(const ImageCamera& camera) {
   view.width = camera.width;
   view.height = camera.height;
   view.lens = single(camera.lens);
+  if (camera.rays) view.table = camera.rays->view;
   view.aperture = camera.aperture;
   view.near = float(camera.near);
   view.far = float(camera.far);

@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <ranges>
 
+#include "kernels/camera/projection.h"
 #include "renderer/base/half.h"
 #include "renderer/scene/light_shapes.h"
 #include "renderer/scene/motion.h"
@@ -124,7 +125,7 @@ std::string why_empty(const RenderJob& job, const Frame& frame) {
   const Projection projection = snapshot.find(id)->camera->projection;
   const mat4x3 camera = world_pose(snapshot, id.index(), frame.time);
   bool any = false;
-  bool behind = projection == Projection::kPerspective || projection == Projection::kOrthographic;
+  bool behind = kernels::is_straight(projection);
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
     const Mesh* mesh = shown_mesh(snapshot, entity);
     if (!entity.visible || (!mesh && !entity.volume)) return;
@@ -161,9 +162,8 @@ Extent extent_of(const resident::Box& box, const Frame& frame, bool perspective)
 
 /// Why a picture shows nothing of a scene that fills a box; "": it may.
 std::string why_out_of_sight(const Camera& camera, const resident::Box& box, const Frame& frame) {
-  const bool perspective = camera.projection == Projection::kPerspective;
-  if (box.empty() || !(perspective || camera.projection == Projection::kOrthographic)) return "";
-  const Extent extent = extent_of(box, frame, perspective);
+  if (box.empty() || !kernels::is_straight(camera.projection)) return "";
+  const Extent extent = extent_of(box, frame, !kernels::is_parallel(camera.projection));
   if (extent.farthest <= 0) return kBehind;
   if (extent.farthest < camera.near)
     return fmt::format("all of the scene is nearer than the camera's near of {} m", camera.near);

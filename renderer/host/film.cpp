@@ -32,6 +32,12 @@ PlaneSet held_planes(const RenderJob& job) {
 
 u64 round_up(u64 bytes, u64 to) { return (bytes + to - 1) / to * to; }
 
+/// In the middle of the image.
+float pixels_per_radian(const kernels::CameraView& camera) {
+  if (!camera.table.rays) return std::max(camera.fx, camera.fy);
+  return camera.table.spread > 0 ? 1 / camera.table.spread : 0;
+}
+
 ZeroedMemory zeroed(u64 bytes) {
   return ZeroedMemory(static_cast<std::byte*>(std::calloc(std::max<u64>(bytes, 1), 1)));
 }
@@ -51,7 +57,7 @@ HostFilm::HostFilm(const Shot& shot) : shot_(shot) {
   const Shutter& shutter = lens->shutter;
   image_camera_ = camera_at(camera, *lens, label_span(shutter, label_time(job())).middle());
   look(open_, camera, *lens, shot.open);
-  open_.camera.shutter = shutter_view(shutter, image_camera_.height);
+  open_.camera.shutter = shutter_view(*lens, image_camera_.height);
   look(still_, camera, *lens, shot.still);
   if (const EntityId second = job().disparity_camera)
     look(disparity_, second, *job().snapshot->find(second)->camera, shot.still);
@@ -74,9 +80,9 @@ void HostFilm::look(Sight& sight, EntityId camera, const Camera& lens,
   sight.scene = std::static_pointer_cast<const ResidentScene>(scene);
   const TimeSpan& span = sight.scene->span();
   sight.camera = camera_view(camera_at(camera, lens, span.middle()));
-  sight.camera.shutter = label_view(lens.shutter, sight.camera.height);
-  sight.keys = pointing_keys(*job().snapshot, camera.index(), span,
-                             std::max(sight.camera.fx, sight.camera.fy));
+  sight.camera.shutter = label_view(lens, sight.camera.height);
+  sight.keys =
+      pointing_keys(*job().snapshot, camera.index(), span, pixels_per_radian(sight.camera));
   if (sight.keys.empty()) return;
   sight.camera.motion_keys = sight.keys.data();
   sight.camera.segments = u32(sight.keys.size() - 1);

@@ -29,7 +29,7 @@ class ObjectRays {
     const vec3 along_x = linear[0] / camera.fx, along_y = -linear[1] / camera.fy;
     const vec2 centre = kernels::beside_centre(camera) + 0.5f;
     const vec3 corner = along_x * (centre.x - camera.cx) + along_y * (centre.y - camera.cy);
-    const bool perspective = camera.lens.projection == kernels::Projection::kPerspective;
+    const bool perspective = !kernels::is_parallel(camera.lens.projection);
     beside_ = centre - vec2(camera.cx, camera.cy);
     widens_ = straight_ && perspective;
     direction_ = -linear[2] + (perspective ? corner : vec3(0));

@@ -105,19 +105,22 @@ class SilhouetteTracer {
   void trace(Task& task, const std::vector<Reach>& reaches, u8* mask) const {
     std::optional<kernels::CameraAt> now;
     std::vector<ObjectRays> rays;
+    const auto look_at = [&](float time) {
+      now.emplace(camera_, time);
+      rays = rays_of(reaches, now->camera());
+    };
+    const i32 at_once = camera_.table.times ? 1 : kLanes;
     for (i32 y = task.y0; y < task.y1; ++y) {
-      if (!now || camera_.shutter.row != 0) {
-        now.emplace(camera_, kernels::row_time(camera_, float(y) + 0.5f));
-        rays = rays_of(reaches, now->camera());
-      }
+      if (!now || camera_.shutter.row != 0) look_at(kernels::row_time(camera_, float(y) + 0.5f));
       i32 x0 = INT32_MAX, x1 = INT32_MIN;
       for (const Reach& reach : reaches)
         if (y >= reach.box.y0 && y < reach.box.y1) {
           x0 = std::min(x0, reach.box.x0);
           x1 = std::max(x1, reach.box.x1);
         }
-      for (i32 x = x0; x < x1; x += kLanes) {
-        const u32 lanes = (1u << std::min(kLanes, x1 - x)) - 1;
+      for (i32 x = x0; x < x1; x += at_once) {
+        if (camera_.table.times) look_at(kernels::pixel_time(camera_, u32(x), u32(y)));
+        const u32 lanes = (1u << std::min(at_once, x1 - x)) - 1;
         u32 met = seen(reaches[0].label, x, y) & lanes;
         for (std::size_t i = 0; i < reaches.size() && met != lanes; ++i)
           met |= meets(reaches[i], rays[i], {x, y}, lanes & ~met);

@@ -57,6 +57,11 @@ class TrackColumns {
 Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const SceneRays& rays) {
   const ResidentScene& scene = *rays.scene;
   const Entity* entity = scene.snapshot().find(tracks.camera);
+  if (entity->camera->rays)
+    return fail(Code::kUnimplemented, "camera",
+                fmt::format("'{}' has a ray table, which does not tell where it sees a point; "
+                            "follow points with another camera",
+                            scene.snapshot().name_of(tracks.camera)));
   const ImageCamera image = image_camera(
       *entity->camera, world_pose(scene.snapshot(), tracks.camera.index(), tracks.times[t]),
       entity->camera->width, entity->camera->height);

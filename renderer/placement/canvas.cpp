@@ -110,12 +110,12 @@ PixelBox bounds_at(const std::array<vec3, 8>& corners_world, const kernels::Came
                    const PixelBox& canvas) {
   Corners corners;
   for (u32 i = 0; i < 8; ++i) corners[i] = kernels::point_in_camera(camera, corners_world[i]);
+  if (camera.table.rays) return canvas;
   if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
   const Cone cone = cone_of(corners);
   if (!(cone.cosine > 0.02f)) return canvas;
-  return camera.lens.projection == kernels::Projection::kEquirectangular
-             ? panorama_bounds(cone, camera, canvas)
-             : curved_bounds(cone, camera, canvas);
+  return kernels::wraps(camera.lens.projection) ? panorama_bounds(cone, camera, canvas)
+                                                : curved_bounds(cone, camera, canvas);
 }
 
 bool is_empty(const PixelBox& box) { return box.x1 == box.x0; }
@@ -141,7 +141,7 @@ PixelBox sweep(const std::vector<PixelBox>& steps, const PixelBox& canvas) {
 }  // namespace
 
 PixelBox canvas_of(const kernels::CameraView& camera, float extend) {
-  if (camera.lens.projection == kernels::Projection::kEquirectangular) extend = 0;
+  if (kernels::wraps(camera.lens.projection) || camera.table.rays) extend = 0;
   const auto x = i32(std::lround(extend * float(camera.width)));
   const auto y = i32(std::lround(extend * float(camera.height)));
   return {-x, -y, i32(camera.width) + x, i32(camera.height) + y};

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "kernels/camera/distortion.h"
+#include "kernels/camera/projection.h"
 #include "renderer/base/parallel.h"
 #include "renderer/post/sensor.h"
 #include "renderer/post/sensor_noise.h"
@@ -25,17 +25,12 @@ struct Echo {
 /// smooth metal mirrors goes elsewhere; clear glass neither answers nor casts a shadow.
 Echo echo_at(const DepthSensor& sensor, const DepthImage& image, const ImageCamera& camera,
              u64 pixel) {
-  const kernels::Projection projection = camera.lens.projection;
-  const bool along_ray = projection == kernels::Projection::kFisheye ||
-                         projection == kernels::Projection::kEquirectangular;
-  Echo echo{.measure = double(along_ray ? image.distance[pixel] : image.depth[pixel]),
+  const bool along_axis = kernels::is_straight(camera.lens.projection);
+  Echo echo{.measure = double(along_axis ? image.depth[pixel] : image.distance[pixel]),
             .distance = double(image.distance[pixel])};
   if (!std::isfinite(echo.distance) || image.transmission[pixel] >= 0.5f) return {};
-  const u64 column = pixel % camera.width, row = pixel / camera.width;
-  const glm::dvec2 m((double(column) - camera.k[2][0]) / camera.k[0][0],
-                     (double(row) - camera.k[2][1]) / camera.k[1][1]);
   glm::dvec3 d;
-  if (!kernels::unproject(camera.lens, m, d)) return {};
+  if (!direction_of(camera, u32(pixel % camera.width), u32(pixel / camera.width), d)) return {};
   const double length = glm::length(d);
   const float* n = image.normal_camera + 3 * pixel;
   const double cosine = -glm::dot(glm::dvec3(double(n[0]), double(n[1]), double(n[2])), d) / length;

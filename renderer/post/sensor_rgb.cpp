@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include "kernels/camera/distortion.h"
 #include "renderer/base/parallel.h"
 #include "renderer/post/sensor.h"
 #include "renderer/post/sensor_noise.h"
@@ -15,10 +14,8 @@ namespace {
 
 /// The cosine of the angle between the optical axis and what pixel (x, y) sees, at least 0.
 double cosine_at(const ImageCamera& camera, u32 x, u32 y) {
-  const glm::dvec2 m((x - camera.k[2][0]) / camera.k[0][0], (y - camera.k[2][1]) / camera.k[1][1]);
   glm::dvec3 d;
-  if (camera.lens.projection == kernels::Projection::kOrthographic) return 1;
-  if (!kernels::unproject(camera.lens, m, d)) return 0;
+  if (!direction_of(camera, x, y, d)) return 0;
   return std::max(0.0, d.z / glm::length(d));
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/scene/camera_view.h"
 #include "kernels/scene/material_parameters.h"
 #include "renderer/base/array.h"
 #include "renderer/scene/ids.h"
@@ -234,10 +235,11 @@ struct DepthSensor {
   double min_depth = 0, max_depth = 0;  // max 0: none
 };
 
-enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
+using kernels::Projection;
 
 /// When a camera sees, in seconds relative to the frame's time. Rows are read from the top to the
-/// bottom; each is open from `open` to `close`, the last one `rolling` later than the first.
+/// bottom; each is open from `open` to `close`, the last one `rolling` later than the first. Of a
+/// ray table with times, `rolling` is the last of these.
 struct Shutter {
   double open = 0;
   double close = 0;
@@ -246,18 +248,21 @@ struct Shutter {
   friend bool operator==(const Shutter&, const Shutter&) = default;
 };
 
+struct RayTable;
+
 /// OpenCV intrinsics at the calibrated size: integers are pixel centres.
 struct Camera {
   u32 width = 0;
   u32 height = 0;
   Projection projection = Projection::kPerspective;
   double fx = 0, fy = 0, cx = 0, cy = 0;
-  std::array<double, 8> distortion{};  // OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1..k4
-  double aperture = 0;                 // metres, diameter; 0: a pinhole
-  double focus_distance = 0;           // metres along the optical axis
-  u32 blades = 0;                      // 0: round
-  double blade_rotation = 0;           // radians
-  double near = 0, far = 0;            // metres, where rays start and end; far 0: they do not end
+  std::shared_ptr<const RayTable> rays;  // of kRayTable, whose fx and fy are 0; otherwise null
+  std::array<double, 8> distortion{};    // OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1..k4
+  double aperture = 0;                   // metres, diameter; 0: a pinhole
+  double focus_distance = 0;             // metres along the optical axis
+  u32 blades = 0;                        // 0: round
+  double blade_rotation = 0;             // radians
+  double near = 0, far = 0;              // metres, where rays start and end; far 0: they do not end
   std::optional<RgbSensor> rgb_sensor;
   std::optional<DepthSensor> depth_sensor;
   Shutter shutter;

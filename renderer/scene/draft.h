@@ -142,6 +142,8 @@ void prune(Draft& draft);
 [[nodiscard]] u64 bytes_of(const Texture& texture);
 [[nodiscard]] u64 bytes_of(const Volume& volume);
 inline u64 bytes_of(const Material&) { return 0; }
+/// Of the arrays that an entity itself has.
+[[nodiscard]] u64 bytes_of(const Entity& entity);
 /// RESOURCE_EXHAUSTED when the arrays exceed the limit.
 [[nodiscard]] Status check_memory(const Draft& draft);
 

@@ -4,6 +4,7 @@
 #include <unordered_set>
 
 #include "renderer/scene/draft.h"
+#include "renderer/scene/ray_table.h"
 
 namespace heliograph {
 namespace {
@@ -31,6 +32,14 @@ void for_each_array(const Volume& volume, F&& f) {
   }
 }
 
+template <class F>
+void for_each_array(const Entity& entity, F&& f) {
+  if (!entity.camera || !entity.camera->rays) return;
+  const RayTable& table = *entity.camera->rays;
+  for (const BufferPtr& buffer : {table.rays.buffer(), table.times.buffer()})
+    if (buffer) f(*buffer);
+}
+
 template <class T>
 u64 sum_of_arrays(const T& value) {
   u64 bytes = 0;
@@ -43,14 +52,17 @@ struct Sum {
   u64 bytes = 0;
 
   template <class T>
-  void add(const Table<Shared<T>>& table) {
-    table.for_each([&](u32, const Shared<T>& row) {
-      for_each_array(*row.value, [&](const Buffer& buffer) {
-        if (serials.insert(buffer.serial()).second) bytes += buffer.bytes().size();
-      });
+  void add_arrays(const T& value) {
+    for_each_array(value, [&](const Buffer& buffer) {
+      if (serials.insert(buffer.serial()).second) bytes += buffer.bytes().size();
     });
   }
+  template <class T>
+  void add(const Table<Shared<T>>& table) {
+    table.for_each([&](u32, const Shared<T>& row) { add_arrays(*row.value); });
+  }
   void add(const Snapshot& snapshot) {
+    snapshot.entities.for_each([&](u32, const Entity& entity) { add_arrays(entity); });
     add(snapshot.meshes);
     add(snapshot.textures);
     add(snapshot.volumes);
@@ -62,6 +74,7 @@ struct Sum {
 u64 bytes_of(const Mesh& mesh) { return sum_of_arrays(mesh); }
 u64 bytes_of(const Texture& texture) { return sum_of_arrays(texture); }
 u64 bytes_of(const Volume& volume) { return sum_of_arrays(volume); }
+u64 bytes_of(const Entity& entity) { return sum_of_arrays(entity); }
 
 u64 array_bytes(const Snapshot& snapshot) {
   Sum sum;

@@ -202,6 +202,7 @@ void count(Draft& draft, const Entity& before, const Entity& after) {
     add_skins(scene, before, -1u);
     add_skins(scene, after, 1);
   }
+  scene.array_bound += bytes_of(after) - bytes_of(before);
   scene.keyed += u32(after.keys != nullptr) - u32(before.keys != nullptr);
   if (own_label(before) != own_label(after)) {
     add_label(scene, own_label(before), -1u);

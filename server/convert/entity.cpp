@@ -75,7 +75,7 @@ Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source) {
   if (message.has_pose()) HELIO_TAKE(patch.pose, to_pose(message.pose(), source), "pose");
   if (message.has_light()) HELIO_TAKE(patch.light, to_light(message.light(), source), "light");
   if (message.has_portal()) HELIO_TAKE(patch.portal, to_portal(message.portal()), "portal");
-  if (message.has_camera()) HELIO_TAKE(patch.camera, to_camera(message.camera()), "camera");
+  if (message.has_camera()) HELIO_TAKE(patch.camera, to_camera(message.camera(), source), "camera");
   if (message.has_morph_weights())
     HELIO_TAKE(patch.morph_weights, to_morph_weights(message.morph_weights(), source),
                "morph_weights");
@@ -108,7 +108,7 @@ v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink) {
   write_component(patch.portal, "portal", message,
                   [&](const Portal& p) { *message.mutable_portal() = to_proto(p); });
   write_component(patch.camera, "camera", message,
-                  [&](const Camera& c) { *message.mutable_camera() = to_proto(c); });
+                  [&](const Camera& c) { *message.mutable_camera() = to_proto(c, sink); });
   if (patch.volume) *message.mutable_volume() = to_proto(*patch.volume);
   write_component(patch.skin, "skin", message,
                   [&](const SkinPatch& p) { *message.mutable_skin() = to_proto(p, sink); });

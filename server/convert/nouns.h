@@ -53,13 +53,20 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 [[nodiscard]] v1::RgbSensor to_proto(const RgbSensor& sensor);
 [[nodiscard]] v1::DepthSensor to_proto(const DepthSensor& sensor);
 
+// ray_table.cpp
+/// size   width and height of the camera that it belongs to
+[[nodiscard]] Expected<std::shared_ptr<const RayTable>> to_ray_table(const v1::RayTable& message,
+                                                                     uvec2 size,
+                                                                     ArraySource& source);
+[[nodiscard]] v1::RayTable to_proto(const RayTable& table, uvec2 size, const ArraySink& sink);
+
 // entity.cpp, entity_parts.cpp, camera.cpp
 [[nodiscard]] Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source);
 [[nodiscard]] v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink);
 [[nodiscard]] Expected<LabelPatch> to_label(const v1::Label& message);
 [[nodiscard]] v1::Label to_proto(const LabelPatch& patch);
-[[nodiscard]] Expected<Camera> to_camera(const v1::Camera& message);
-[[nodiscard]] v1::Camera to_proto(const Camera& camera);
+[[nodiscard]] Expected<Camera> to_camera(const v1::Camera& message, ArraySource& source);
+[[nodiscard]] v1::Camera to_proto(const Camera& camera, const ArraySink& sink);
 [[nodiscard]] v1::Shutter to_proto(const Shutter& shutter);
 [[nodiscard]] Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source);
 [[nodiscard]] v1::Light to_proto(const LightPatch& patch, const ArraySink& sink);

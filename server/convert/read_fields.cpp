@@ -17,7 +17,8 @@ namespace {
 /// Arrays up to this size come within an object; of longer ones only dtype and shape.
 constexpr u64 kLargestInline = 64u << 10;
 
-constexpr std::array<std::string_view, 4> kOfEntities{"pose", "world_pose", "aabb", "materials"};
+constexpr std::array<std::string_view, 6> kOfEntities{"pose",      "world_pose",  "aabb",
+                                                      "materials", "camera.rays", "camera.times"};
 
 struct Noun {
   std::string_view name;
@@ -107,6 +108,15 @@ std::optional<Answer> field_answer(const std::string& field, const Make& make) {
   return Answer{.array = array, .bytes = buffers[array.buffer().buffer()]};
 }
 
+/// An array of a camera's ray table.
+std::optional<Answer> ray_table_answer(const Entity& entity, const std::string& field) {
+  if (!entity.camera || !entity.camera->rays) return std::nullopt;
+  const Camera& camera = *entity.camera;
+  return field_answer(field, [&](const ArraySink& sink) {
+    return to_proto(*camera.rays, {camera.width, camera.height}, sink);
+  });
+}
+
 Answer materials_answer(const Entity& entity) {
   std::vector<u64> ids;
   if (entity.materials)
@@ -162,6 +172,8 @@ Expected<std::optional<Answer>> FieldReader::read_entity(Id id, const std::strin
   if (name == "pose") return pose_answer(local_pose(snapshot_, id.index(), time));
   if (name == "world_pose") return pose_answer(world_pose(snapshot_, id.index(), time));
   if (name == "materials") return materials_answer(*entity);
+  if (name.starts_with("camera."))
+    return ray_table_answer(*entity, name.substr(name.find('.') + 1));
   if (!boxes_) boxes_.emplace(snapshot_);
   const auto box = boxes_->of(id.index());
   return box ? std::optional(box_answer(*box)) : std::nullopt;

@@ -3,6 +3,7 @@
 
 #include <numbers>
 
+#include "kernels/camera/projection.h"
 #include "server/convert/fields.h"
 #include "server/convert/nouns.h"
 
@@ -55,7 +56,7 @@ Status read_stereo(const v1::DepthSensor& message, const Camera& camera, DepthSe
 
 Status read_time_of_flight(const v1::DepthSensor& message, const Camera& camera,
                            DepthSensor& sensor) {
-  if (camera.projection == Projection::kOrthographic)
+  if (kernels::is_parallel(camera.projection))
     return refuse("kind", "an orthographic camera has no depth sensor; leave it out");
   for (const auto& [given, field] : {std::pair{message.has_baseline(), "baseline"},
                                      {message.has_disparity_noise(), "disparity_noise"},

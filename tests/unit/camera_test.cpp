@@ -1,6 +1,8 @@
 // Cameras: rays and projections invert each other.
 #include "kernels/camera/camera.h"
 
+#include "kernels/camera/rolling.h"
+
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"
 #include "tests/unit/test_tracer.h"
@@ -121,4 +123,74 @@ TEST_CASE("camera: clipping planes are metres along the optical axis") {
   CHECK_FALSE(within_clip(c, vec3(1, 1, 3.1f)));
   CHECK_FALSE(within_clip(c, vec3(1, 1, 0.4f)));
   CHECK(clipped(c, camera_ray_to(c, vec3(0, 0, 3.5f), {0, true})).t_max < 0);
+}
+
+namespace {
+/// Rays that start apart and look aside, each in its own direction.
+std::vector<TableRay> fan(uvec2 size) {
+  std::vector<TableRay> rays;
+  for (u32 y = 0; y < size.y; ++y)
+    for (u32 x = 0; x < size.x; ++x)
+      rays.push_back({vec3(0.01f * float(x), 0, 0.02f * float(y)),
+                      vec3(0.1f * float(x) - 0.3f, 0.2f - 0.1f * float(y), 1) * 3.0f});
+  return rays;
+}
+CameraView scanner(const std::vector<TableRay>& rays, uvec2 size) {
+  CameraView c = look_at({1, 2, 3}, {1, 2, 4}, size, 0.9f);
+  c.lens.projection = Projection::kRayTable;
+  c.table.rays = rays.data();
+  return c;
+}
+}  // namespace
+
+TEST_CASE("camera: a table's pixel looks along its ray") {
+  const uvec2 size(6, 4);
+  std::vector<TableRay> rays = fan(size);
+  rays[9].direction = vec3(0);
+  CameraView c = scanner(rays, size);
+  c.near = 0.5f;
+  for (u32 y = 0; y < size.y; ++y)
+    for (u32 x = 0; x < size.x; ++x) {
+      const TableRay& own = rays[y * size.x + x];
+      const Ray ray = camera_ray(c, centre_of(x, y) + vec2(0.3f, -0.4f), {0, false});
+      if (y * size.x + x == 9) {
+        CHECK(!(ray.t_max > 0));
+        continue;
+      }
+      const vec3 along = turn_to_camera(c, ray.direction);
+      CHECK(length(along - normalize(own.direction)) < 1e-6f);
+      CHECK(length(point_in_camera(c, ray.origin) - own.origin - 0.5f * along) < 2e-6f);
+      CHECK(!project(c, ray.origin + ray.direction).seen);
+    }
+  CHECK(!(camera_ray(c, vec2(-0.1f, 1), {0, false}).t_max > 0));
+  CHECK(!(camera_ray(c, vec2(NAN, 1), {0, false}).t_max > 0));
+}
+
+TEST_CASE("camera: between a table's rays, and beyond the outermost ones") {
+  const uvec2 size(6, 4);
+  const std::vector<TableRay> rays = fan(size);
+  CameraView c = scanner(rays, size);
+  c.table.interpolated = true;
+  for (const vec2 raster : {vec2(0.5f, 0.5f), vec2(3, 2), vec2(2.75f, 1.3f), vec2(-0.4f, 4.2f)}) {
+    const vec2 at = raster - 0.5f;
+    const TableRay ray = table_ray(c.table, size, raster);
+    CHECK(length(ray.origin - vec3(0.01f * at.x, 0, 0.02f * at.y)) < 1e-6f);
+    const vec3 want = normalize(vec3(0.1f * at.x - 0.3f, 0.2f - 0.1f * at.y, 1));
+    CHECK(length(normalize(ray.direction) - want) < 2e-3f);  // chords of the sphere of directions
+  }
+  CHECK(!sees(table_ray(c.table, size, vec2(-3, 2))));
+}
+
+TEST_CASE("camera: a table's pixel has its time") {
+  const uvec2 size(3, 2);
+  const std::vector<TableRay> rays(6, {vec3(0), vec3(0, 0, 1)});
+  const std::vector<float> times{0, 1, 2, 3, 4, 5};
+  CameraView c = scanner(rays, size);
+  c.table.times = times.data();
+  c.shutter = {.open = 0.1f, .length = 0.2f, .row = 0, .seconds = 0.125f};
+  CHECK(pixel_time(c, 2, 1) == Approx(0.1f + 5 * 0.125f));
+  c.table.times = nullptr;
+  c.shutter.row = 0.25f;
+  CHECK(pixel_time(c, 2, 1) == Approx(0.35f));
+  CHECK(pixel_time(c, 2, 1) == row_time(c, 1.5f));
 }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "heliograph/error.h"
 
@@ -72,6 +73,19 @@ Camera Camera::fisheye(double fov, std::uint32_t width, std::uint32_t height) {
 
 Camera Camera::equirectangular(std::uint32_t width, std::uint32_t height) {
   return make(Projection::kEquirectangular, width / (2 * kPi), height / kPi, {width, height});
+}
+
+Camera Camera::from_rays(RayTable rays) {
+  const Shape& shape = rays.rays.shape();
+  if (shape.size() != 3 || shape[2] != 6)
+    throw ClientError(Code::kInvalidArgument,
+                      "rays: has shape " + to_string(shape) +
+                          "; give (height, width, 6): origin and direction of each pixel",
+                      {"rays"});
+  Camera out =
+      make(Projection::kRayTable, 0, 0, {std::uint32_t(shape[1]), std::uint32_t(shape[0])});
+  out.rays = std::move(rays);
+  return out;
 }
 
 Mat3 Camera::K() const {

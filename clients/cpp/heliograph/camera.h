@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "heliograph/pose.h"
+#include "heliograph/array.h"
 
 namespace heliograph::client {
 
@@ -45,14 +45,23 @@ struct DepthSensor {
   double max_depth = 0;                   // metres; 0: none
 };
 
+/// Rays of a camera, pixel by pixel: of a scanner, or of a lens that no model describes.
+struct RayTable {
+  Array rays;  // (H, W, 6) f32: origin, metres, and direction, zeros where a pixel sees nothing; in
+               // the OpenCV camera frame
+  Array times;  // (H, W) f32 seconds in [0, 1000] after the shutter's opening; empty: all 0
+  bool interpolated = false;  // samples spread over a pixel, along rays between its neighbours'
+};
+
 /// OpenCV intrinsics at the calibrated size, lens, clipping. The camera looks down its -Z axis, +Y
 /// is up in the image; integers of cx and cy are pixel centres.
 struct Camera {
   enum class Projection : int {
     kPerspective = 1,
-    kOrthographic = 2,    // fx, fy: pixels a metre
-    kFisheye = 3,         // Kannala and Brandt 2006, as OpenCV's
-    kEquirectangular = 4  // fx, fy: pixels a radian
+    kOrthographic = 2,     // fx, fy: pixels a metre
+    kFisheye = 3,          // Kannala and Brandt 2006, as OpenCV's
+    kEquirectangular = 4,  // fx, fy: pixels a radian
+    kRayTable = 5          // `rays` in place of fx, fy, cx and cy
   };
 
   std::uint32_t width = 0;  // pixels
@@ -76,6 +85,7 @@ struct Camera {
   double rolling = 0;
   std::optional<RgbSensor> rgb_sensor{};
   std::optional<DepthSensor> depth_sensor{};
+  std::optional<RayTable> rays{};
 
   /// K of OpenCV: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is kInvalidArgument.
   static Camera from_intrinsics(const Mat3& K, std::uint32_t width, std::uint32_t height);
@@ -90,6 +100,11 @@ struct Camera {
   static Camera fisheye(double fov, std::uint32_t width, std::uint32_t height);
   /// Longitude along x, latitude along y, all around; what lies ahead is in the middle.
   static Camera equirectangular(std::uint32_t width, std::uint32_t height);
+
+  /// Such a camera is rendered at its own size and does not tell where it sees a point: flow in
+  /// pixels, disparity, keypoints and tracks are kUnimplemented. Rays of another shape are
+  /// kInvalidArgument.
+  static Camera from_rays(RayTable rays);
 
   [[nodiscard]] Mat3 K() const;
 };

@@ -107,7 +107,11 @@ Camera Entity::camera() const {
     throw ClientError(Code::kNotFound, "\"" + name() +
                                            "\" has no camera; give it one with "
                                            "Components::camera()");
-  return wire::camera_of(message.camera());
+  Camera camera = wire::camera_of(message.camera());
+  if (message.camera().has_rays())
+    camera.rays = RayTable{array_of(*this, "camera.rays"), array_of(*this, "camera.times"),
+                           message.camera().rays().interpolated()};
+  return camera;
 }
 
 std::optional<Light> Entity::light() const {

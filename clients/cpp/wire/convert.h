@@ -24,8 +24,8 @@ void put_texture_use(const TextureUse& use, const Draft& draft, const std::strin
 
 void put_entity(const Components& components, Draft& draft, v1::Entity* out);
 void put_label(const Components::Fields& given, v1::Entity* out);
-void put_camera(const Camera& camera, v1::Camera* out);
-Camera camera_of(const v1::Camera& message);
+void put_camera(const Camera& camera, Draft& draft, v1::Camera* out);
+Camera camera_of(const v1::Camera& message);  // without the rays of a table
 void put_light(const Light& light, const Draft& draft, v1::Light* out);
 Light light_of(const v1::Light& message);  // without its textures
 void put_material(const Parameters& parameters, const Draft& draft, v1::Material* out);

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "wire/arrays.h"
 #include "wire/convert.h"
 
 namespace heliograph::client::wire {
@@ -61,18 +62,28 @@ DepthSensor depth_of(const v1::DepthSensor& message) {
   return out;
 }
 
+void put_ray_table(const RayTable& table, Draft& draft, v1::RayTable* out) {
+  put_asset(as_f32(table.rays, "rays"), draft, out->mutable_rays());
+  if (!table.times.empty()) put_asset(as_f32(table.times, "times"), draft, out->mutable_times());
+  out->set_interpolated(table.interpolated);
+}
+
 }  // namespace
 
-void put_camera(const Camera& camera, v1::Camera* out) {
+void put_camera(const Camera& camera, Draft& draft, v1::Camera* out) {
   out->set_width(camera.width);
   out->set_height(camera.height);
   out->set_projection(v1::Camera::Projection(camera.projection));
   out->set_blades(camera.blades);
   out->mutable_distortion()->Add(camera.distortion.begin(), camera.distortion.end());
-  out->set_fx(camera.fx);
-  out->set_fy(camera.fy);
-  out->set_cx(camera.cx);
-  out->set_cy(camera.cy);
+  if (camera.rays) {
+    put_ray_table(*camera.rays, draft, out->mutable_rays());
+  } else {
+    out->set_fx(camera.fx);
+    out->set_fy(camera.fy);
+    out->set_cx(camera.cx);
+    out->set_cy(camera.cy);
+  }
   out->set_aperture(camera.aperture);
   out->set_focus_distance(camera.focus_distance);
   out->set_blade_rotation(camera.blade_rotation);

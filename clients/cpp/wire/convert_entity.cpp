@@ -120,7 +120,7 @@ void put_entity(const Components& components, Draft& draft, v1::Entity* out) {
   if (given.transform) put_pose(*given.transform, out->mutable_pose());
   if (given.keys) put_keys(*given.keys, draft, out->mutable_pose());
   put_bindings(given, draft, out);
-  if (given.camera) put_camera(*given.camera, out->mutable_camera());
+  if (given.camera) put_camera(*given.camera, draft, out->mutable_camera());
   if (given.light) put_light(*given.light, draft, out->mutable_light());
   if (given.portal) {
     out->mutable_portal()->set_width(float(given.portal->width));

@@ -72,6 +72,9 @@ kernels::CameraView CudaFilm::copy(const kernels::CameraView& camera) {
   kernels::CameraView view = camera;
   if (camera.segments > 0)
     view.motion_keys = copies_.of_own(std::span(camera.motion_keys, camera.segments + 1));
+  const u64 pixels = u64(camera.width) * camera.height;
+  if (camera.table.rays) view.table.rays = copies_.of_own(std::span(camera.table.rays, pixels));
+  if (camera.table.times) view.table.times = copies_.of_own(std::span(camera.table.times, pixels));
   return view;
 }
 

@@ -42,7 +42,7 @@ inline kernels::u64 probe_patch(const ProbeTask& task, ProbeTracers& tracers,
   kernels::u32 count = 0;
   for_each_pixel(patch, [&](kernels::u32 x, kernels::u32 y) {
     const kernels::vec2 centre = kernels::centre_of(x, y);
-    const kernels::CameraAt now(camera, kernels::row_time(camera, centre.y));
+    const kernels::CameraAt now(camera, kernels::pixel_time(camera, x, y));
     sights[count++] = kernels::centre_sight(now.camera(), centre);
   });
   tracers.now.trace_ahead({sights, count});

@@ -155,7 +155,7 @@ class Entity(Handle):
         message = self._message()
         if not message.HasField("camera"):
             raise NotFound(f"{self!r} has no camera: give it one with camera=hg.Camera...")
-        return Camera.from_message(message.camera)
+        return Camera.from_message(message.camera, self._read)
 
     @property
     def K(self) -> NdArray:

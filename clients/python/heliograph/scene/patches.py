@@ -17,6 +17,7 @@ from ..values.checks import color_of, number_of, refuse_unknown, text_of, whole_
 from ..values.components import Camera, Tex, Visibility
 from ..values.lights import Light, Portal
 from ..values.pose import matrices_of, matrix_of
+from ..values.ray_table import RayTable
 from .handles import Named, Texture
 
 if TYPE_CHECKING:
@@ -161,6 +162,8 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
         out.portal.CopyFrom(_of(Portal, value, name).to_message())
     elif name == "camera":
         out.camera.CopyFrom(_of(Camera, value, name).to_message())
+        if value.rays is not None:
+            _put_ray_table(edits, out.camera.rays, value.rays)
     elif name == "visibility":
         out.visibility.CopyFrom(_of(Visibility, value, name).to_message())
     elif name == "skin":
@@ -182,6 +185,13 @@ def _of(kind: type[_Component], value: Any, field: str) -> _Component:
     if isinstance(value, kind):
         return value
     raise InvalidArgument(f"{field}: needs a hg.{kind.__name__}, not {value!r}", field=field)
+
+
+def _put_ray_table(edits: Edits, out: pb.RayTable, table: RayTable) -> None:
+    out.rays.CopyFrom(edits.asset(table.rays))
+    if table.times is not None:
+        out.times.CopyFrom(edits.asset(table.times))
+    out.interpolated = table.interpolated
 
 
 def _put_keys(edits: Edits, out: types.Pose, keys: Mapping[float, Any]) -> None:

@@ -16,12 +16,14 @@ from ..errors import InvalidArgument
 from .checks import number_of, whole_of
 
 if TYPE_CHECKING:
+    from .ray_table import RayTable
     from .sensors import DepthSensor, RgbSensor
 
 
-_PROJECTIONS = ("perspective", "orthographic", "fisheye", "equirectangular")
+_PROJECTIONS = ("perspective", "orthographic", "fisheye", "equirectangular", "ray_table")
+_INTRINSICS = ("fx", "fy", "cx", "cy")
 _NUMBERS = (
-    *("fx", "fy", "cx", "cy"),
+    *_INTRINSICS,
     *("aperture", "focus_distance", "blade_rotation", "near"),
 )
 
@@ -45,7 +47,8 @@ class Camera:
     width, height: pixels. fx, fy: pixels (orthographic: pixels a metre; equirectangular: pixels a
     radian). cx, cy: principal point, where integers are pixel centres. The camera looks down its -Z
     axis, +Y is up in the image.
-    projection: "perspective", "orthographic", "fisheye" or "equirectangular".
+    projection: "perspective", "orthographic", "fisheye", "equirectangular", or "ray_table", which
+    has `rays` in place of fx, fy, cx and cy: from_rays() makes it.
     distortion: OpenCV's coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]] of a perspective camera, k1 k2 k3
     k4 of a fisheye.
     aperture: diameter of a thin lens, metres; 0: a pinhole. focus_distance: metres along the
@@ -77,6 +80,7 @@ class Camera:
     rolling: float = 0.0
     rgb_sensor: RgbSensor | None = None
     depth_sensor: DepthSensor | None = None
+    rays: RayTable | None = None
 
     @classmethod
     def from_intrinsics(cls, K: Any, width: int, height: int, **fields: Any) -> Camera:
@@ -166,12 +170,36 @@ class Camera:
         scale = (width / wide, height / high)
         return cls(width, height, *scale, *_middle(width, height), "equirectangular", **fields)
 
+    @classmethod
+    def from_rays(
+        cls, rays: Any, *, times: Any = None, interpolated: bool = False, **fields: Any
+    ) -> Camera:
+        """A ray for each pixel: a scanner, or a lens that no model describes.
+
+        rays: (H, W, 6) float32, origin in metres and direction, zeros where a pixel sees nothing,
+        in the OpenCV camera frame (x right, y down, z forward). times: (H, W) float32 seconds in
+        [0, 1000], how much later than the shutter's opening a pixel opens, and than the frame its
+        labels are. interpolated: samples spread over a pixel by the filter, along rays between
+        those of its neighbours, as a lens bends them; otherwise all go along the pixel's ray, as a
+        scanner's beams. fields: any others of a Camera but fx, fy, cx, cy, aperture and rolling.
+
+        Such a camera is rendered at its own size. It does not tell where it sees a point: flow in
+        pixels, disparity, keypoints and tracks are refused, and corners_image is nan."""
+        from .ray_table import RayTable
+
+        table = RayTable.of(rays, times, interpolated)
+        height, width = table.rays.shape[:2]
+        return cls(
+            width, height, 0, 0, *_middle(width, height), "ray_table", rays=table, **fields
+        )
+
     @property
     def K(self) -> NdArray:
-        """(3, 3) float64."""
+        """(3, 3) float64; of a ray table without focal lengths."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def to_message(self) -> scene.Camera:
+        """Without the arrays of `rays`."""
         if self.projection not in _PROJECTIONS:
             raise InvalidArgument(
                 f"projection: one of {', '.join(_PROJECTIONS)}", field="projection"
@@ -185,7 +213,8 @@ class Camera:
             distortion=checked(self.distortion, "camera.distortion", "f8", (None,)),
         )
         for name in _NUMBERS:
-            setattr(message, name, number_of(getattr(self, name), f"camera.{name}"))
+            if self.rays is None or name not in _INTRINSICS:
+                setattr(message, name, number_of(getattr(self, name), f"camera.{name}"))
         if self.far != math.inf:
             message.far = number_of(self.far, "camera.far")
         if self.rgb_sensor is not None:
@@ -199,11 +228,20 @@ class Camera:
         return message
 
     @classmethod
-    def from_message(cls, message: scene.Camera) -> Camera:
+    def from_message(
+        cls, message: scene.Camera, read: Callable[..., Any] | None = None
+    ) -> Camera:
+        """read: answers the fields of its entity; without it a ray table is left out."""
+        from .ray_table import RayTable
         from .sensors import DepthSensor, RgbSensor
 
         name = scene.Camera.Projection.Name(message.projection or 1)
         fields: dict[str, Any] = {name: getattr(message, name) for name in _NUMBERS}
+        if message.HasField("rays"):
+            fields["cx"], fields["cy"] = _middle(message.width, message.height)
+            if read:
+                rays, times = read("camera.rays", "camera.times")
+                fields["rays"] = RayTable(rays, times, message.rays.interpolated)
         if message.HasField("rgb_sensor"):
             fields["rgb_sensor"] = RgbSensor.from_message(message.rgb_sensor)
         if message.HasField("depth_sensor"):

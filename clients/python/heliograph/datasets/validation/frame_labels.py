@@ -12,7 +12,7 @@ import numpy as np
 from ..._wire.arrays import NdArray
 from .files import INTEGER, LIST, fields_of
 from .geometry import rotation_fault
-from .lens import Lens, lens_of, stated
+from .lens import RAY_TABLE, Lens, lens_of, stated
 
 CHECKS = {
     "camera": "K has positive focal lengths and brings points to their pixels, "
@@ -46,7 +46,9 @@ class Shot:
         self.named = stated(content, self.K)
         self.rolls = bool(content.get("rolling"))  # each row has a pose of its own then
         wrong = rotation_fault(self.pose[:3, :3])
-        self.good = not wrong and self.K[0, 0] > 0 and self.K[1, 1] > 0
+        focal = self.K[0, 0] > 0 and self.K[1, 1] > 0
+        self.has_table = content.get("projection") == RAY_TABLE  # and no focal length
+        self.good = not wrong and (focal or self.has_table)
         if wrong:
             report("camera", f"camera_from_world_cv {wrong}")
         elif not self.good:
@@ -72,8 +74,10 @@ class Shot:
         return (self.lens or self.named or Lens("perspective", self.K)).sees(points, beyond)
 
     def _other_lens(self) -> None:
-        if self.named is None:
+        if self.named is None or self.has_table:
             reason = "what is seen is of no pinhole, and the file has no projection and distortion"
+            if self.has_table:
+                reason = "a ray table tells no place in the image"
             for check in ("corners", "keypoints"):
                 self.leave(check, f"{reason}: places in the image are not looked at")
         else:

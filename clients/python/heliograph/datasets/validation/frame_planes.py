@@ -102,7 +102,7 @@ class Planes:
         before = self.shot.may_see(points)
         lens = self.shot.learn_lens(points[before], pixels[before], _PIXEL)
         if lens.kind == "other":
-            if self.shot.named is None:
+            if self.shot.named is None or self.shot.has_table:
                 self.shot.leave("projection", _NO_LENS)
         else:
             error = np.abs(lens.project(points[before]) - pixels[before]).max(1)
@@ -115,7 +115,9 @@ class Planes:
         position = self._get("position")
         if position is None:
             return
-        if self.shot.rolls:
+        if self.shot.rolls and self.shot.has_table:
+            self.shot.leave("positions", "each pixel has a time, and maybe a pose, of its own")
+        elif self.shot.rolls:
             self._rows(position, camera, hit)
         else:
             self._world(position[hit], points, pixels)
@@ -150,6 +152,8 @@ class Planes:
         distance = self._get("distance")
         if distance is None:
             return
+        if self.shot.has_table:
+            return self.shot.leave("distance", "rays of a table begin where they like")
         x, y = pixels.astype(int).T
         expected = points[:, 2] if kind == "orthographic" else np.linalg.norm(points, axis=1)
         error = np.abs(distance[y, x] - expected)

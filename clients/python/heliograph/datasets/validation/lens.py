@@ -11,11 +11,13 @@ import numpy as np
 from ..._wire.arrays import NdArray
 
 _MOST = 0.8  # of the points: what they agree on is the camera's
+RAY_TABLE = "ray_table"
 _KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")
 
 
 class Lens(NamedTuple):
-    """kind: a projection of docs/cameras.md, or "other", which is not looked at further. K: (3, 3),
+    """kind: a projection of docs/cameras.md, or "other", which is not looked at further, as of a ray
+    table, which tells no place in the image. K: (3, 3),
     what the points say, which is what was told unless `told` is False. distortion: OpenCV's."""
 
     kind: str
@@ -73,8 +75,11 @@ def stated(content: Mapping[str, Any], K: NdArray) -> Lens | None:
     kind = content.get("projection")
     if kind is None:
         return None
+    if kind == RAY_TABLE:
+        return Lens("other", K)
     if kind not in _KINDS:
-        raise ValueError(f"projection is {kind!r}: needs one of {', '.join(_KINDS)}")
+        kinds = ", ".join((*_KINDS, RAY_TABLE))
+        raise ValueError(f"projection is {kind!r}: needs one of {kinds}")
     return Lens(kind, K, True, tuple(float(k) for k in content.get("distortion") or ()))
 
 
@@ -84,6 +89,8 @@ def lens_of(named: Lens | None, K: NdArray, points: NdArray, seen: tuple[NdArray
     A camera has the lens that is named, or without one is a pinhole or orthographic, when it brings
     four fifths of the points to their pixels, with K or another one.
     """
+    if named and named.kind == "other":
+        return named
     pixels, within = seen
     candidates = [named] if named else [Lens("perspective", K), Lens("orthographic", K)]
     if len(points) < 8:
