@@ -1,10 +1,13 @@
-// What a device must do. Calls come from the one thread that owns the device, unless they say so.
+// What a device must do: a backend implements Scenes, HostAnswers and Backend, and has films of its
+// own. Calls come from the one thread that owns the device, unless they say so.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -103,7 +106,7 @@ struct MemoryUse {
   u64 budget = 0;
 };
 
-/// The accumulating images of one shot or of several.
+/// The accumulating images of one shot or of several. Thread: the device's.
 class Film {
  public:
   virtual ~Film() = default;
@@ -113,124 +116,115 @@ class Film {
   [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
   /// Share of the range that was left half way, as far as the device tells; 0 where none was.
   [[nodiscard]] virtual double share_of_range() const { return 0; }
+  /// From the variance of a film of one picture, which its job asked for (measures_noise); needs 2
+  /// samples per pixel.
+  [[nodiscard]] virtual Noise noise() const = 0;
+  /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
+  /// `seconds` are left to the caller.
+  [[nodiscard]] virtual Expected<FilmPart> take(const TileRun& tiles) = 0;
+  /// Sets what the film of the same job, or of one with fewer centre planes, had on another device
+  /// of the same kind.
+  [[nodiscard]] virtual Status put(const FilmPart& part) = 0;
 };
 
-class Backend {
- public:
-  virtual ~Backend() = default;
-  [[nodiscard]] virtual std::string_view name() const = 0;
-  /// Feature level of the kernels and of the ray tracer, for the manifest: "x86-64-v3,
-  /// embree 3.13.5 AVX2".
-  [[nodiscard]] virtual std::string cpu_features() const = 0;
+/// What a device is.
+struct DeviceInfo {
+  std::string_view name;  // of its backend: "embree"
+  /// Feature level of the kernels and of the ray tracer, for the manifest: "x86-64-v3, embree
+  /// 3.13.5 AVX2".
+  std::string cpu_features;
+  // One film has as many pictures as make up so many pixels, at least one and at most so many.
+  u64 film_pixels = 0;
+  u32 film_pictures = 1;
+  /// Whether labels(), query() and resolve() may be called by any thread.
+  bool finishes_elsewhere = false;
+  /// Of the device's memory, called from the device's thread; what it made may be destroyed by any.
+  /// Null where the device's memory is the host's, and on_device means nothing.
+  std::shared_ptr<SharedMemorySource> shared_memory = nullptr;
+};
 
-  /// What prepare() would have to make. Quick. Thread: any.
-  [[nodiscard]] virtual Preparation preparation(const SceneAt& scene) const {
-    (void)scene;
-    return {};
-  }
-  /// The same as prepare_all(), by the threads of the caller's arena. Thread: any but the device's.
-  [[nodiscard]] virtual Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
-                                                                 const Interrupt& interrupt) {
-    return prepare_all(scenes, interrupt);
-  }
-  /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
-  /// serial.
-  [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
-      const Interrupt& interrupt) = 0;
-  /// The same of several, in their order. Thread: any, where pictures_at_once() is above 1.
-  [[nodiscard]] virtual Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
-                                                           const Interrupt& interrupt) {
-    DeviceScenes made;
-    for (const SceneAt& scene : scenes) {
-      auto next = prepare(scene.snapshot, scene.span, interrupt);
-      if (!next) return std::unexpected(std::move(next).error());
-      made.push_back(*std::move(next));
-    }
-    return made;
-  }
-  /// f(i) for each i below `count`, in any order, by the threads that the backend has on the host.
-  /// Thread: as prepare_all().
-  virtual void for_each(u32 count, const std::function<void(u32)>& f) {
-    for (u32 i = 0; i < count; ++i) f(i);
-  }
-  /// How many pictures of so many pixels one film may have.
-  [[nodiscard]] virtual u32 pictures_at_once(u64 pixels) const {
-    (void)pixels;
-    return 1;
-  }
-  /// shots   at most pictures_at_once(), whose jobs differ in their snapshots and seeds alone, and
-  ///         whose pictures have one size. Thread: as prepare_all(); a film may be destroyed by any
+/// What a device holds, and has done since it was opened.
+struct DeviceUse {
+  u64 derived_bytes = 0;      // resident now
+  u64 scenes_made_again = 0;  // as there had been no room to keep them
+  u64 uploaded_bytes = 0;     // 0: it works in the host's memory
+  MemoryUse memory = {};
+  /// It is gone for good, so that every call fails. What it made may then only be destroyed.
+  bool is_lost = false;
+};
+
+/// The scenes of a device, made on the host by the threads of the caller's arena. Thread: any.
+class Scenes {
+ public:
+  virtual ~Scenes() = default;
+  /// What prepare() would have to make. Quick.
+  [[nodiscard]] virtual Preparation preparation(const SceneAt& scene) const = 0;
+  /// Makes scenes, in their order, from what the nearest ones that are there have in common with
+  /// them.
+  [[nodiscard]] virtual Expected<DeviceScenes> prepare(std::span<const SceneAt> scenes,
+                                                       const Interrupt& interrupt) = 0;
+};
+
+/// What the host answers about scenes, by the threads of the caller's arena. Thread: the device's,
+/// or any (DeviceInfo::finishes_elsewhere).
+class HostAnswers {
+ public:
+  virtual ~HostAnswers() = default;
+  /// Label columns of each picture; the film's centre planes are complete.
+  [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) = 0;
+  [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,
+                                                    const Interrupt& interrupt) = 0;
+};
+
+/// A device: its memory, and what is launched on it.
+class Backend : public Scenes, public HostAnswers {
+ public:
+  /// Thread: any.
+  [[nodiscard]] virtual const DeviceInfo& info() const = 0;
+  /// Thread: any.
+  [[nodiscard]] virtual DeviceUse use() const = 0;
+  /// f() and its parallel parts, by the threads that the device has on the host. Thread: any.
+  virtual void run(const std::function<void()>& f) = 0;
+  /// shots   as many as DeviceInfo says, whose jobs differ in their snapshots and seeds alone, and
+  ///         whose pictures have one size. Thread: any; a film may be destroyed by any
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) = 0;
   /// Traces the mean planes' samples of a range. Returns whether it is done: the slice may be over
   /// before. Then the next call for the film is the same again and goes on. The result does not
   /// depend on how work is split.
   [[nodiscard]] virtual Expected<bool> render(Film& film, const WorkRange& range,
                                               const Slice& slice, const Interrupt& interrupt) = 0;
-  /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
-  /// `seconds` are left to the caller.
-  [[nodiscard]] virtual Expected<FilmPart> take(Film& film, const TileRun& tiles) = 0;
-  /// Sets it in the film of the same job, or of one with more centre planes, on another device of
-  /// the same kind.
-  [[nodiscard]] virtual Status put(Film& film, const FilmPart& part) = 0;
   /// Traces the centre planes of all tiles. Returns as render() does.
   [[nodiscard]] virtual Expected<bool> probe(Film& film, const Slice& slice,
                                              const Interrupt& interrupt) = 0;
-  /// Label columns of each picture; the film's centre planes are complete.
-  [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels(
-      Film& film, const Interrupt& interrupt) = 0;
   /// The planes of film_planes() after the samples that each tile has, and DENOISED where the
   /// device makes it (denoiser()); then without those that nobody else reads (is_read_beside()).
   /// Each is that of all pictures one after the other, in the memory of the first shot's job. Of a
   /// job that is on_device those it asks for lie in the device's memory and are complete: nobody
-  /// need wait for the device.
+  /// need wait for the device. By the threads of the caller's arena; thread: as HostAnswers.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
   /// Who makes the plane DENOISED in resolve(), on the device, for the manifest; empty: nobody
   /// there, so the engine makes it on the host, from the planes that it is computed from. Fails
   /// with UNIMPLEMENTED and why where the device should and cannot: then the engine does for a job
   /// that is not on_device.
   [[nodiscard]] virtual Expected<std::string> denoiser() { return std::string(); }
-  /// Of the device's memory, called from the device's thread; what it made may be destroyed by any.
-  /// Null where the device's memory is the host's, and on_device means nothing.
-  [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
-    return nullptr;
-  }
-  /// Whether labels_elsewhere(), resolve_elsewhere() and query_elsewhere() may be called: labels(),
-  /// resolve() and query() by the threads of the caller's arena. Thread: any.
-  [[nodiscard]] virtual bool finishes_elsewhere() const { return false; }
-  [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels_elsewhere(
-      Film& film, const Interrupt& interrupt) {
-    return labels(film, interrupt);
-  }
-  [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve_elsewhere(Film& film) {
-    return resolve(film);
-  }
-  /// From the variance of a film of one picture, which its job asked for (measures_noise); needs 2
-  /// samples a pixel.
-  [[nodiscard]] virtual Noise noise(const Film& film) = 0;
-
-  [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,
-                                                    const Interrupt& interrupt) = 0;
-  [[nodiscard]] virtual Expected<QueryResult> query_elsewhere(const QueryJob& job,
-                                                              const Interrupt& interrupt) {
-    return query(job, interrupt);
-  }
-  /// Bytes of derived data resident now.
-  [[nodiscard]] virtual u64 derived_bytes() const = 0;
-  /// Scenes that were made again, as there had been no room to keep them. Thread: any.
-  [[nodiscard]] virtual u64 scenes_made_again() const { return 0; }
-  /// Bytes copied to the device since it was opened; 0: it works in the host's memory.
-  /// Thread: any.
-  [[nodiscard]] virtual u64 uploaded_bytes() const { return 0; }
-  /// Thread: any.
-  [[nodiscard]] virtual MemoryUse memory() const { return {}; }
-  /// Whether the device is gone for good, so that every call fails. What it made may then only be
-  /// destroyed.
-  [[nodiscard]] virtual bool is_lost() const { return false; }
   /// Gives up what a lost device has, so that another backend finds it free. The last call from the
   /// device's thread.
   virtual void abandon() {}
 };
+
+/// How many pictures of so many pixels one film may have.
+[[nodiscard]] inline u32 pictures_at_once(const DeviceInfo& device, u64 pixels) {
+  return u32(std::clamp<u64>(device.film_pixels / pixels, 1, device.film_pictures));
+}
+
+/// What f() returns, by the threads that a device has on the host.
+template <class F>
+[[nodiscard]] auto run_on(Backend& device, const F& f) {
+  std::optional<decltype(f())> made;
+  device.run([&] { made.emplace(f()); });
+  return *std::move(made);
+}
 
 struct BackendOptions {
   u32 index = 0;                     // of the device among those of its kind

@@ -228,7 +228,7 @@ std::vector<SumRange> HostFilm::sums_of(const TileRun& tiles) const {
   return ranges;
 }
 
-FilmPart HostFilm::take(const TileRun& tiles) const {
+Expected<FilmPart> HostFilm::take(const TileRun& tiles) {
   FilmPart part{.tiles = tiles, .samples = samples(tiles.first)};
   for (const SumRange& range : sums_of(tiles)) {
     const std::byte* from = sums_.get() + range.offset;
@@ -237,7 +237,7 @@ FilmPart HostFilm::take(const TileRun& tiles) const {
   return part;
 }
 
-void HostFilm::put(const FilmPart& part) {
+Status HostFilm::put(const FilmPart& part) {
   const std::byte* from = part.sums.data();
   for (const SumRange& range : sums_of(part.tiles)) {
     std::memcpy(sums_.get() + range.offset, from, range.bytes);
@@ -245,6 +245,7 @@ void HostFilm::put(const FilmPart& part) {
   }
   for (u32 i = 0; i < part.tiles.count; ++i) set_samples(part.tiles.first + i, part.samples);
   add_rays(part.rays);
+  return {};
 }
 
 PixelRect HostFilm::tile(u32 index) const { return kernels::tile_rect(view_, index); }

@@ -102,12 +102,12 @@ class HostFilm final : public Film {
   /// Where the sums of a run are, and what put() of another film takes of it: these bytes, one
   /// after another.
   [[nodiscard]] std::vector<SumRange> sums_of(const TileRun& tiles) const;
-  [[nodiscard]] FilmPart take(const TileRun& tiles) const;
-  void put(const FilmPart& part);
+  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles) override;
+  [[nodiscard]] Status put(const FilmPart& part) override;
 
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] std::vector<PlaneData> resolve() const;
-  [[nodiscard]] Noise noise() const;
+  [[nodiscard]] Noise noise() const override;
 
  private:
   explicit HostFilm(const Shot& shot);

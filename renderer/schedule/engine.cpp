@@ -12,8 +12,8 @@
 namespace heliograph {
 namespace {
 
-u64 sum_of(const std::vector<std::shared_ptr<Backend>>& backends, u64 (Backend::*of)() const) {
-  const auto add = [of](u64 sum, const auto& backend) { return sum + (*backend.*of)(); };
+u64 sum_of(const std::vector<std::shared_ptr<Backend>>& backends, u64 DeviceUse::* of) {
+  const auto add = [of](u64 sum, const auto& backend) { return sum + backend->use().*of; };
   return std::accumulate(backends.begin(), backends.end(), u64(0), add);
 }
 
@@ -56,18 +56,18 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
   impl_->submit(std::make_unique<QueryWork>(std::move(query), std::move(done), std::move(stop)));
 }
 
-std::string_view Engine::backend_name() const { return impl_->backends().front()->name(); }
-std::string Engine::cpu_features() const { return impl_->backends().front()->cpu_features(); }
+std::string_view Engine::backend_name() const { return impl_->backends().front()->info().name; }
+std::string Engine::cpu_features() const { return impl_->backends().front()->info().cpu_features; }
 u32 Engine::devices() const { return u32(impl_->backends().size()); }
-u64 Engine::derived_bytes() const { return sum_of(impl_->backends(), &Backend::derived_bytes); }
+u64 Engine::derived_bytes() const { return sum_of(impl_->backends(), &DeviceUse::derived_bytes); }
 u64 Engine::scenes_made_again() const {
-  return sum_of(impl_->backends(), &Backend::scenes_made_again);
+  return sum_of(impl_->backends(), &DeviceUse::scenes_made_again);
 }
-u64 Engine::uploaded_bytes() const { return sum_of(impl_->backends(), &Backend::uploaded_bytes); }
+u64 Engine::uploaded_bytes() const { return sum_of(impl_->backends(), &DeviceUse::uploaded_bytes); }
 MemoryUse Engine::memory() const {
   MemoryUse all;
   for (const auto& backend : impl_->backends()) {
-    const MemoryUse one = backend->memory();
+    const MemoryUse one = backend->use().memory;
     all.used += one.used;
     all.budget += one.budget;
   }
@@ -75,7 +75,7 @@ MemoryUse Engine::memory() const {
 }
 Load Engine::load() const { return impl_->load(); }
 std::shared_ptr<SharedMemorySource> Engine::shared_memory() const {
-  return impl_->backends().front()->shared_memory();
+  return impl_->backends().front()->info().shared_memory;
 }
 
 }  // namespace heliograph

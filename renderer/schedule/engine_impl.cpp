@@ -101,7 +101,7 @@ void Engine::Impl::device_loop(u32 index) {
     const bool is_done = turn->item()->step(
         {*device.backend, denoiser_, options_.slice, waiting_, others, options_.spread_samples});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
-    const bool is_lost = device.backend->is_lost();
+    const bool is_lost = device.backend->use().is_lost;
     const auto done = account(index, *turn, cost, is_done && !is_lost);
     if (done)
       end(index, *done);
@@ -115,7 +115,7 @@ void Engine::Impl::device_loop(u32 index) {
 void Engine::Impl::end(u32 index, Work& work) {
   work.finish();
   const auto& backend = devices_[index].backend;
-  if (work.seconds < options_.little || !backend->finishes_elsewhere()) return;
+  if (work.seconds < options_.little || !backend->info().finishes_elsewhere) return;
   const auto nobody = std::make_shared<Workers::Group>([] {});
   workers_->run(nobody, work.origin(), {{.run = [remains = work.take_remains()](const auto&) {}}},
                 backend);

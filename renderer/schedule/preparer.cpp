@@ -30,14 +30,14 @@ std::vector<Errand> Preparer::next() {
   std::vector<Errand> rest;
   rest.push_back({.seconds = *seconds_, .run = [this](const Interrupt&) {
                     made_ = guard([&]() -> Expected<DeviceScenes> {
-                      return backend_.prepare_elsewhere({&scene_, 1}, interrupt_);
+                      return backend_.prepare({&scene_, 1}, interrupt_);
                     });
                   }});
   return rest;
 }
 
 Expected<std::shared_ptr<const DeviceScene>> Preparer::take() {
-  if (!made_) return backend_.prepare(scene_.snapshot, scene_.span, interrupt_);
+  if (!made_) made_ = run_on(backend_, [&] { return backend_.prepare({&scene_, 1}, interrupt_); });
   if (!*made_) return std::unexpected(std::move(*made_).error());
   return (*made_)->front();
 }

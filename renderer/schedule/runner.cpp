@@ -227,7 +227,7 @@ Steps Runner::sample_noisy(Film& film) {
   const StopRule& stop = job_->stop;
   const u64 most_rounds = stop.tile_rounds > 0 ? stop.tile_rounds : ~u64(0);
   for (u32 rounds = 1;; ++rounds) {
-    const Noise noise = context_.backend.noise(film);
+    const Noise noise = noise_of(film);
     noise_ = noise.mean;
     std::vector<u32> tiles = noisy_tiles(noise.tiles, film.tiles_across(), stop.noise);
     std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
@@ -254,6 +254,10 @@ Steps Runner::round(Film& film, const std::vector<u32>& tiles) {
     tile_rounds_ += run.end - run.begin;
   }
   co_return Status{};
+}
+
+Noise Runner::noise_of(const Film& film) const {
+  return run_on(context_.backend, [&] { return film.noise(); });
 }
 
 u32 Runner::most_samples() const { return job_->stop.spp > 0 ? job_->stop.spp : JobLimits{}.spp; }
@@ -286,7 +290,7 @@ bool Runner::finished(Film& film, u32 done) {
   }
   if (stop.noise > 0 && !stop.adaptive && done >= kernels::kBlock &&
       (power_of_two(done) || done % 64 == 0)) {
-    noise_ = context_.backend.noise(film).mean;
+    noise_ = noise_of(film).mean;
     if (noise_ <= stop.noise) return true;
   }
   return false;

@@ -102,6 +102,7 @@ class Runner {
   [[nodiscard]] Steps sample_noisy(Film& film);
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
+  [[nodiscard]] Noise noise_of(const Film& film) const;
   [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
@@ -130,7 +131,7 @@ class Runner {
     errands_ = std::move(errands);
     return {*this};
   }
-  /// Work on a film, here or elsewhere, as Backend::finishes_elsewhere() allows.
+  /// Work on a film, here or elsewhere, as DeviceInfo::finishes_elsewhere allows.
   [[nodiscard]] bool is_worth_leaving(double seconds) const;
   [[nodiscard]] double in_slice() const;  // seconds, so far
   [[nodiscard]] Slice slice() const;

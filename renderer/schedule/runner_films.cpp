@@ -1,6 +1,7 @@
 // What films are of: shots with their scenes, and frames without pixels.
 #include <algorithm>
 
+#include "renderer/base/parallel.h"
 #include "renderer/frame/check.h"
 #include "renderer/frame/frame_header.h"
 #include "renderer/frame/shutter.h"
@@ -14,7 +15,7 @@ namespace heliograph {
 u32 Runner::at_once() const {
   if (measures_noise(*job_) || wants_post(*job_)) return 1;
   const uvec2 size = rendered_size(*job_, job_->cameras.front());
-  return context_.backend.pictures_at_once(u64(size.x) * size.y);
+  return pictures_at_once(context_.backend.info(), u64(size.x) * size.y);
 }
 
 /// The film before is gone when the new one is begun.
@@ -42,8 +43,10 @@ Expected<std::vector<Shot>> Runner::shots_of(const RenderJob& whole, PictureRang
   const u32 cameras = u32(whole.cameras.size()), first_world = range.begin / cameras;
   using Made = Expected<std::shared_ptr<RenderJob>>;
   std::vector<Made> worlds((range.end - 1) / cameras - first_world + 1);
-  context_.backend.for_each(u32(worlds.size()), [&](u32 i) {
-    worlds[i] = job_of_world(whole, whole.worlds->rendered[first_world + i]);
+  context_.backend.run([&] {
+    parallel_for(worlds.size(), [&](std::size_t i) {
+      worlds[i] = job_of_world(whole, whole.worlds->rendered[first_world + i]);
+    });
   });
   for (Made& world : worlds)
     if (!world) return std::unexpected(std::move(world).error());
@@ -97,7 +100,8 @@ Status Runner::prepare(std::vector<Shot>& shots, SceneOf kind) const {
       wanted.push_back({shot.job->snapshot, span});
     of_shot.push_back(shot.*kind ? kernels::kNone : u32(wanted.size() - 1));
   }
-  const auto made = context_.backend.prepare_all(wanted, context_.interrupt);
+  const auto made = run_on(context_.backend,
+                           [&] { return context_.backend.prepare(wanted, context_.interrupt); });
   if (!made) return std::unexpected(made.error());
   for (std::size_t i = 0; i < shots.size(); ++i)
     if (of_shot[i] != kernels::kNone) shots[i].*kind = (*made)[of_shot[i]];

@@ -38,7 +38,7 @@ double resolve_seconds(const RenderJob& job, u32 camera) {
 }  // namespace
 
 bool Runner::is_worth_leaving(double seconds) const {
-  return seconds > kWorthLeaving && context_.backend.finishes_elsewhere();
+  return seconds > kWorthLeaving && context_.backend.info().finishes_elsewhere;
 }
 
 Steps Runner::label(Film& film) {
@@ -48,13 +48,13 @@ Steps Runner::label(Film& film) {
   if (is_worth_leaving(cost)) {
     std::vector<Errand> label;
     label.push_back({.seconds = cost, .run = [&](const Interrupt&) {
-                       labels = guard([&] {
-                         return context_.backend.labels_elsewhere(film, context_.interrupt);
-                       });
+                       labels =
+                           guard([&] { return context_.backend.labels(film, context_.interrupt); });
                      }});
     HELIO_CO_TRY(co_await elsewhere(std::move(label)));
   } else {
-    labels = context_.backend.labels(film, context_.interrupt);
+    labels =
+        run_on(context_.backend, [&] { return context_.backend.labels(film, context_.interrupt); });
   }
   if (!labels) co_return std::unexpected(std::move(labels).error());
   for (std::size_t i = 0; i < labels->size(); ++i)
@@ -85,11 +85,11 @@ Steps Runner::emit(Film& film, bool final) {
   const double cost = resolve_seconds(*job_, shot.camera), post = post_seconds(*job_, shot.camera);
   const bool leaves = is_worth_leaving(cost);
   Expected<std::vector<PlaneData>> planes;
-  if (!leaves) planes = context_.backend.resolve(film);
+  if (!leaves) planes = run_on(context_.backend, [&] { return context_.backend.resolve(film); });
   if (!planes) co_return std::unexpected(std::move(planes).error());
   const auto finish_all = [&] {
     planes = guard([&]() -> Expected<std::vector<PlaneData>> {
-      if (leaves) planes = context_.backend.resolve_elsewhere(film);
+      if (leaves) planes = context_.backend.resolve(film);
       return planes ? finish(shot, *std::move(planes)) : std::move(planes);
     });
   };
@@ -108,7 +108,7 @@ Steps Runner::emit(Film& film, bool final) {
   for (u32 tile = 0; tile < film.tiles(); ++tile)
     frame.samples = std::max(frame.samples, film.samples(tile));
   frame.tile_rounds = tile_rounds_;
-  if (measures_noise(*job_) && frame.samples > 1) frame.noise = context_.backend.noise(film).mean;
+  if (measures_noise(*job_) && frame.samples > 1) frame.noise = noise_of(film).mean;
   frame.final = final;
   frame.render_seconds = seconds_in_film();
   frame.rays = film.rays();

@@ -41,7 +41,7 @@ Steps Runner::sample_spread(Film& film) {
 
 Status Runner::put_parts(Film& film, Spread& spread) {
   for (const FilmPart& part : spread.collect()) {
-    HELIO_TRY(context_.backend.put(film, part));
+    HELIO_TRY(film.put(part));
     const u64 taken = u64(part.tiles.count) * part.samples;
     tile_samples_ += taken;
     samples_ += taken * kernels::kTilePixels;
@@ -70,7 +70,7 @@ Steps Runner::help() {
     auto claim = Spread::claim(helped_);
     if (!claim) co_return Status{};
     HELIO_CO_TRY(co_await sample_run(film, claim->tiles()));
-    auto part = context_.backend.take(film, claim->tiles());
+    auto part = film.take(claim->tiles());
     if (!part) co_return std::unexpected(std::move(part).error());
     part->rays = film.rays() - rays;
     part->seconds = used_before_ + in_slice() - used;

@@ -156,12 +156,11 @@ class QueryWork final : public Work {
       auto scene = preparer_->take();
       if (!scene) return std::unexpected(std::move(scene).error());
       scene_ = *std::move(scene);
-      if (seconds_of_query() < kQuickQuery || !device.backend.finishes_elsewhere())
-        return device.backend.query(*query_, interrupt());
+      if (seconds_of_query() < kQuickQuery || !device.backend.info().finishes_elsewhere)
+        return run_on(device.backend, [&] { return device.backend.query(*query_, interrupt()); });
       errands_.push_back({.seconds = seconds_of_query(),
                           .run = [this, &backend = device.backend](const Interrupt&) {
-                            result_ = guard(
-                                [&] { return backend.query_elsewhere(*query_, interrupt()); });
+                            result_ = guard([&] { return backend.query(*query_, interrupt()); });
                           }});
       is_answered_ = true;
       return fail(Code::kCancelled, "", "the query was given up");

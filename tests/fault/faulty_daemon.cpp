@@ -101,22 +101,25 @@ Expected<std::vector<PlaneData>> on_device(const RenderJob& job, std::vector<Pla
 class FaultyBackend : public Backend {
  public:
   FaultyBackend(std::unique_ptr<Backend> inner, const BackendOptions& options)
-      : inner_(std::move(inner)), denoiser_(options.denoiser, options.threads) {}
+      : inner_(std::move(inner)),
+        denoiser_(options.denoiser, options.threads),
+        info_{.name = inner_->info().name,
+              .cpu_features = inner_->info().cpu_features,
+              .shared_memory = std::make_shared<DeviceSource>()} {}
 
-  [[nodiscard]] std::string_view name() const override { return inner_->name(); }
-  [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  [[nodiscard]] DeviceUse use() const override {
+    DeviceUse use = inner_->use();
+    use.is_lost = is_lost_;
+    return use;
+  }
+  void run(const std::function<void()>& f) override { inner_->run(f); }
   [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
     return inner_->preparation(scene);
   }
-  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
-                                                         const Interrupt& interrupt) override {
-    return inner_->prepare_elsewhere(scenes, interrupt);
-  }
-  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
-      const Interrupt& interrupt) override {
-    HELIO_TRY(fault());
-    return inner_->prepare(snapshot, span, interrupt);
+  [[nodiscard]] Expected<DeviceScenes> prepare(std::span<const SceneAt> scenes,
+                                               const Interrupt& interrupt) override {
+    return inner_->prepare(scenes, interrupt);
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
     return inner_->begin(shots);
@@ -125,14 +128,6 @@ class FaultyBackend : public Backend {
                                       const Interrupt& interrupt) override {
     HELIO_TRY(fault());
     return inner_->render(film, range, slice, interrupt);
-  }
-  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
-    HELIO_TRY(fault());
-    return inner_->take(film, tiles);
-  }
-  [[nodiscard]] Status put(Film& film, const FilmPart& part) override {
-    HELIO_TRY(fault());
-    return inner_->put(film, part);
   }
   [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
                                      const Interrupt& interrupt) override {
@@ -156,18 +151,11 @@ class FaultyBackend : public Backend {
     if (reason) return fail(Code::kUnimplemented, "planes", reason);
     return "a test's device";
   }
-  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
-    return source_;
-  }
-  [[nodiscard]] Noise noise(const Film& film) override { return inner_->noise(film); }
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override {
     HELIO_TRY(fault());
     return inner_->query(job, interrupt);
   }
-  [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
-  [[nodiscard]] u64 uploaded_bytes() const override { return inner_->uploaded_bytes(); }
-  [[nodiscard]] bool is_lost() const override { return is_lost_; }
   void abandon() override { is_taken = false; }
 
  protected:
@@ -203,7 +191,7 @@ class FaultyBackend : public Backend {
 
   std::unique_ptr<Backend> inner_;
   Denoiser denoiser_;
-  const std::shared_ptr<SharedMemorySource> source_ = std::make_shared<DeviceSource>();
+  const DeviceInfo info_;
   std::atomic<bool> is_lost_ = false;
 };
 
@@ -214,12 +202,9 @@ class FaultyGpu final : public FaultyBackend {
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
     return inner().resolve(film);
   }
-  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
-    return inner().shared_memory();
-  }
   [[nodiscard]] Expected<std::string> denoiser() override { return inner().denoiser(); }
-  [[nodiscard]] MemoryUse memory() const override { return inner().memory(); }
-  [[nodiscard]] bool is_lost() const override { return inner().is_lost(); }
+  [[nodiscard]] const DeviceInfo& info() const override { return inner().info(); }
+  [[nodiscard]] DeviceUse use() const override { return inner().use(); }
   void abandon() override { inner().abandon(); }
 
  protected:

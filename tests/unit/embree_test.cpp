@@ -81,9 +81,10 @@ namespace {
 std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job,
                                         const std::vector<WorkRange>& ranges) {
   Shot shot{.job = std::make_shared<const RenderJob>(job)};
-  auto scene = backend.prepare(job.snapshot, {job.time, job.time}, {});
-  REQUIRE(scene.has_value());
-  shot.open = shot.still = *scene;
+  const SceneAt at{job.snapshot, {job.time, job.time}};
+  auto scenes = backend.prepare({&at, 1}, {});
+  REQUIRE(scenes.has_value());
+  shot.open = shot.still = scenes->front();
   auto film = backend.begin({&shot, 1});
   REQUIRE(film.has_value());
   while (!backend.probe(**film, {}, {}).value()) {

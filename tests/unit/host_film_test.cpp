@@ -20,11 +20,12 @@ std::unique_ptr<host::HostFilm> make_film(Backend& backend) {
   job.width = kWidth;
   job.height = kHeight;
   job.groups = {""};
-  const TimeSpan span{job.time, job.time};
-  auto scene = backend.prepare(job.snapshot, span, {});
-  REQUIRE(scene.has_value());
+  const SceneAt at{job.snapshot, {job.time, job.time}};
+  auto scenes = backend.prepare({&at, 1}, {});
+  REQUIRE(scenes.has_value());
+  const auto& scene = scenes->front();
   auto film = host::HostFilm::create(
-      {.job = std::make_shared<const RenderJob>(std::move(job)), .open = *scene, .still = *scene});
+      {.job = std::make_shared<const RenderJob>(std::move(job)), .open = scene, .still = scene});
   REQUIRE(film.has_value());
   return *std::move(film);
 }

@@ -26,6 +26,11 @@ class SlowFilm final : public Film {
   [[nodiscard]] u32 tiles_across() const override { return 16; }
   [[nodiscard]] u32 samples(u32) const override { return 0; }
   [[nodiscard]] u64 rays() const override { return 0; }
+  [[nodiscard]] Noise noise() const override { return {}; }
+  [[nodiscard]] Expected<FilmPart> take(const TileRun&) override {
+    return std::unexpected(not_there());
+  }
+  [[nodiscard]] Status put(const FilmPart&) override { return std::unexpected(not_there()); }
 
   u32 next = 0;  // tile of the range that was left
 };
@@ -38,11 +43,13 @@ class EmptyScene final : public DeviceScene {
 /// Sleeps for as long as an uneven image takes, a tile at a time.
 class SlowBackend final : public Backend {
  public:
-  [[nodiscard]] std::string_view name() const override { return "slow"; }
-  [[nodiscard]] std::string cpu_features() const override { return ""; }
-  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>&, const TimeSpan&, const Interrupt&) override {
-    return std::make_shared<const EmptyScene>();
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  [[nodiscard]] DeviceUse use() const override { return {}; }
+  void run(const std::function<void()>& f) override { f(); }
+  [[nodiscard]] Preparation preparation(const SceneAt&) const override { return {}; }
+  [[nodiscard]] Expected<DeviceScenes> prepare(std::span<const SceneAt> scenes,
+                                               const Interrupt&) override {
+    return DeviceScenes(scenes.size(), std::make_shared<const EmptyScene>());
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot>) override {
     return std::make_unique<SlowFilm>();
@@ -62,10 +69,6 @@ class SlowBackend final : public Backend {
     next = 0;
     return true;
   }
-  [[nodiscard]] Expected<FilmPart> take(Film&, const TileRun&) override {
-    return std::unexpected(not_there());
-  }
-  [[nodiscard]] Status put(Film&, const FilmPart&) override { return std::unexpected(not_there()); }
   [[nodiscard]] Expected<bool> probe(Film&, const Slice&, const Interrupt&) override {
     return true;
   }
@@ -76,13 +79,14 @@ class SlowBackend final : public Backend {
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film&) override {
     return std::unexpected(not_there());
   }
-  [[nodiscard]] Noise noise(const Film&) override { return {}; }
   [[nodiscard]] Expected<QueryResult> query(const QueryJob&, const Interrupt&) override {
     return std::unexpected(not_there());
   }
-  [[nodiscard]] u64 derived_bytes() const override { return 0; }
 
   Seconds taken{0};  // as it should, whatever else the machine does
+
+ private:
+  const DeviceInfo info_{.name = "slow", .cpu_features = ""};
 };
 
 class Told final : public JobSink {

@@ -56,6 +56,13 @@ class ManyFilms final : public Film {
     for (const auto& film : films) sum += film->rays();
     return sum;
   }
+  [[nodiscard]] Noise noise() const override { return {}; }
+  [[nodiscard]] Expected<FilmPart> take(const TileRun&) override {
+    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
+  }
+  [[nodiscard]] Status put(const FilmPart&) override {
+    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
+  }
   std::vector<std::unique_ptr<Film>> films;
   std::shared_ptr<const RenderJob> job;
 };
@@ -64,15 +71,21 @@ class ManyFilms final : public Film {
 class ManyPictures final : public Backend {
  public:
   explicit ManyPictures(u32 at_once)
-      : at_once_(at_once), inner_(make_backend("embree", {.threads = 2}).value()) {}
-  [[nodiscard]] std::string_view name() const override { return inner_->name(); }
-  [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
-  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& scene, const TimeSpan& span,
-      const Interrupt& interrupt) override {
-    return inner_->prepare(scene, span, interrupt);
+      : inner_(make_backend("embree", {.threads = 2}).value()),
+        info_{.name = inner_->info().name,
+              .cpu_features = inner_->info().cpu_features,
+              .film_pixels = ~u64(0),
+              .film_pictures = at_once} {}
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  [[nodiscard]] DeviceUse use() const override { return inner_->use(); }
+  void run(const std::function<void()>& f) override { inner_->run(f); }
+  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
+    return inner_->preparation(scene);
   }
-  [[nodiscard]] u32 pictures_at_once(u64) const override { return at_once_; }
+  [[nodiscard]] Expected<DeviceScenes> prepare(std::span<const SceneAt> scenes,
+                                               const Interrupt& interrupt) override {
+    return inner_->prepare(scenes, interrupt);
+  }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
     auto made = std::make_unique<ManyFilms>();
     made->job = shots.front().job;
@@ -95,12 +108,6 @@ class ManyPictures final : public Backend {
       }
     });
     return true;
-  }
-  [[nodiscard]] Expected<FilmPart> take(Film&, const TileRun&) override {
-    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
-  }
-  [[nodiscard]] Status put(Film&, const FilmPart&) override {
-    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
   }
   [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
                                      const Interrupt& interrupt) override {
@@ -132,12 +139,10 @@ class ManyPictures final : public Backend {
     }
     return all;
   }
-  [[nodiscard]] Noise noise(const Film&) override { return {}; }
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override {
     return inner_->query(job, interrupt);
   }
-  [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
 
   u32 films = 0;  // begun
 
@@ -153,8 +158,8 @@ class ManyPictures final : public Backend {
     }
   }
 
-  const u32 at_once_;
   const std::unique_ptr<Backend> inner_;
+  const DeviceInfo info_;
 };
 
 Edits stage() {

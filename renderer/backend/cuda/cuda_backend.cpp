@@ -8,9 +8,9 @@
 
 #include "renderer/backend/cuda/film.h"
 #include "renderer/backend/cuda/programs.h"
-#include "renderer/base/parallel.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/host_tracer.h"
+#include "renderer/host/host_backend.h"
 #include "renderer/host/labels.h"
 #include "renderer/host/queries.h"
 
@@ -42,11 +42,13 @@ Expected<Takes> find_takes(const Context& context) {
   return made;
 }
 
-class CudaBackend final : public Backend {
+class CudaBackend final : public host::HostBackend {
  public:
   CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TreeBuilder builder,
               InstancePlacer placer, const Takes& takes, const BackendOptions& options)
-      : context_(std::move(context)),
+      : HostBackend(std::make_shared<const bvh::BvhAccelerator>(options.static_triangles), options,
+                    SceneStore::Copies::kOfEach),
+        context_(std::move(context)),
         exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
         twins_(std::make_shared<Twins>(context_, context_->export_device(),
                                        context_->budget().bytes() / kTwinShare)),
@@ -55,11 +57,11 @@ class CudaBackend final : public Backend {
         placer_(std::move(placer)),
         mirror_(context_, twins_),
         denoiser_library_(options.denoiser),
-        cache_(options.cache_bytes),
-        accelerator_(options.static_triangles),
-        store_(accelerator_, cache_, options.cache_bytes, SceneStore::Copies::kOfEach),
-        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic, 1,
-               tbb::task_arena::priority::high) {
+        info_{.name = "cuda",
+              .cpu_features = context_->name(),
+              .film_pixels = kFilmPixels,
+              .film_pictures = kMostPictures,
+              .shared_memory = exports_} {
     if (exports_) exports_->set_takes(takes, twins_);
     const std::weak_ptr<ExportSource> shared = exports_;
     context_->budget().set_give_up(
@@ -73,55 +75,26 @@ class CudaBackend final : public Backend {
         });
   }
 
-  [[nodiscard]] std::string_view name() const override { return "cuda"; }
-  [[nodiscard]] std::string cpu_features() const override { return context_->name(); }
-  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
-    return store_.preparation(scene);
-  }
-  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
-                                                         const Interrupt& interrupt) override {
-    return store_.prepare_all(scenes, interrupt);
-  }
-  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
-      const Interrupt& interrupt) override {
-    return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
-  }
-  [[nodiscard]] Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
-                                                   const Interrupt& interrupt) override {
-    return run_in(arena_, [&] { return store_.prepare_all(scenes, interrupt); });
-  }
-  void for_each(u32 count, const std::function<void(u32)>& f) override {
-    run_in(arena_, [&] { parallel_for(count, f); });
-  }
-  [[nodiscard]] u32 pictures_at_once(u64 pixels) const override {
-    return u32(std::clamp<u64>(kFilmPixels / pixels, 1, kMostPictures));
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  [[nodiscard]] DeviceUse use() const override {
+    DeviceUse use = HostBackend::use();
+    use.uploaded_bytes = context_->uploaded_bytes();
+    use.memory = {context_->budget().used(), context_->budget().bytes()};
+    use.is_lost = context_->is_lost();
+    return use;
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override;
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override;
-  [[nodiscard]] Status put(Film& film, const FilmPart& part) override;
   [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
                                      const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
   [[nodiscard]] Expected<std::string> denoiser() override;
-  [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
-  [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
-  [[nodiscard]] u64 scenes_made_again() const override { return store_.made_again(); }
-  [[nodiscard]] u64 uploaded_bytes() const override { return context_->uploaded_bytes(); }
-  [[nodiscard]] MemoryUse memory() const override {
-    return {context_->budget().used(), context_->budget().bytes()};
-  }
-  [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
   void abandon() override { context_->abandon(); }
-  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
-    return exports_;
-  }
 
  private:
   [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(const SceneOrder& order);
@@ -132,7 +105,7 @@ class CudaBackend final : public Backend {
   /// that is not the caller.
   template <class F>
   auto on_device(const F& f) -> decltype(f()) {
-    return run_in(arena_, [&]() -> decltype(f()) {
+    return run_in(arena(), [&]() -> decltype(f()) {
       HELIO_TRY(context_->enter());
       return f();
     });
@@ -148,10 +121,7 @@ class CudaBackend final : public Backend {
   const std::string denoiser_library_;
   std::unique_ptr<CudaDenoiser> denoiser_;  // once it was asked for
   std::optional<Error> no_denoiser_;        // why there never is one
-  DerivedCache cache_;
-  const bvh::BvhAccelerator accelerator_;
-  SceneStore store_;
-  tbb::task_arena arena_;
+  const DeviceInfo info_;
   /// Of the budget, too, which outlives this while a client has a frame.
   const std::shared_ptr<Recent<CudaScene>> recent_ =
       std::make_shared<Recent<CudaScene>>(kOthersKept);
@@ -168,10 +138,12 @@ Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(const SceneOrder
 Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) {
   drop_copies();
   std::vector<Expected<std::unique_ptr<host::HostFilm>>> made(shots.size());
-  for_each(u32(shots.size()), [&](u32 i) {
-    made[i] = host::HostFilm::create(shots[i]);
-    for (const auto& scene : {shots[i].open, shots[i].still, shots[i].forward, shots[i].backward})
-      if (scene) CudaScene::make_host_trees(static_cast<const ResidentScene&>(*scene));
+  run_in(arena(), [&] {
+    parallel_for(shots.size(), [&](std::size_t i) {
+      made[i] = host::HostFilm::create(shots[i]);
+      for (const auto& scene : {shots[i].open, shots[i].still, shots[i].forward, shots[i].backward})
+        if (scene) CudaScene::make_host_trees(static_cast<const ResidentScene&>(*scene));
+    });
   });
   CudaFilm::Pictures pictures;
   for (auto& picture : made) {
@@ -179,8 +151,9 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
     pictures.push_back(*std::move(picture));
   }
   auto film = on_device([&] {
-    return CudaFilm::create(std::move(pictures), shots, mirror_,
-                            [&](const SceneOrder& order) { return copy_of(order); });
+    return CudaFilm::create(
+        std::move(pictures), shots,
+        {mirror_, programs_, [&](const SceneOrder& order) { return copy_of(order); }});
   });
   if (film)
     for (const auto& scene : (*film)->scenes()) keep(scene);
@@ -189,38 +162,28 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
 
 void CudaBackend::keep(const std::shared_ptr<const CudaScene>& scene) {
   using Until = Recent<CudaScene>::Until;
-  const auto until = store_.keeps(*scene->host()) ? Until::kDropped : Until::kOthersCame;
-  if (const auto dropped = recent_->keep(scene, until)) store_.free_later(dropped->host());
+  const auto until = store().keeps(*scene->host()) ? Until::kDropped : Until::kOthersCame;
+  if (const auto dropped = recent_->keep(scene, until)) store().free_later(dropped->host());
 }
 
 void CudaBackend::drop_copies() {
-  for (auto& host : store_.let_go()) {
+  for (auto& host : store().let_go()) {
     (void)recent_->drop([&](const CudaScene& copy) { return copy.host() == host; });
-    store_.free_later(std::move(host));
+    store().free_later(std::move(host));
   }
 }
 
 Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, const Slice& slice,
                                    const Interrupt& interrupt) {
   HELIO_TRY(context_->enter());
-  return static_cast<CudaFilm&>(film).render(programs_, range, slice, interrupt);
-}
-
-Expected<FilmPart> CudaBackend::take(Film& film, const TileRun& tiles) {
-  HELIO_TRY(context_->enter());
-  return static_cast<CudaFilm&>(film).take(tiles);
-}
-
-Status CudaBackend::put(Film& film, const FilmPart& part) {
-  HELIO_TRY(context_->enter());
-  return static_cast<CudaFilm&>(film).put(part);
+  return static_cast<CudaFilm&>(film).render(range, slice, interrupt);
 }
 
 /// Is only started, and so done at once.
 Expected<bool> CudaBackend::probe(Film& film, const Slice&, const Interrupt& interrupt) {
   HELIO_TRY(interrupt.status());
   HELIO_TRY(context_->enter());
-  HELIO_TRY(static_cast<CudaFilm&>(film).probe(programs_));
+  HELIO_TRY(static_cast<CudaFilm&>(film).probe());
   return true;
 }
 
@@ -229,7 +192,7 @@ Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
   auto& own = static_cast<CudaFilm&>(film);
   HELIO_TRY(on_device([&] { return own.fetch_label_planes(); }));
   std::vector<Expected<std::vector<Column>>> made(own.pictures());
-  for_each(own.pictures(), [&](u32 i) {
+  parallel_for(own.pictures(), [&](u32 i) {
     const host::HostFilm& seen = own.picture(i);
     made[i] = host::labels(seen, rays_of(seen.still().scene), interrupt);
   });
@@ -242,8 +205,7 @@ Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
 }
 
 Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {
-  return on_device(
-      [&] { return static_cast<CudaFilm&>(film).resolve(programs_, denoiser_.get()); });
+  return on_device([&] { return static_cast<CudaFilm&>(film).resolve(denoiser_.get()); });
 }
 
 Expected<std::string> CudaBackend::denoiser() {
@@ -258,22 +220,15 @@ Expected<std::string> CudaBackend::denoiser() {
   return denoiser_->name();
 }
 
-Noise CudaBackend::noise(const Film& film) {
-  if (!context_->enter()) return {};  // lost: the next call says so
-  return static_cast<const CudaFilm&>(film).noise(programs_).value_or(Noise{});
-}
-
 Expected<QueryResult> CudaBackend::query(const QueryJob& job, const Interrupt& interrupt) {
   const auto scene_at = [&](Time time) -> Expected<host::SceneRays> {
-    auto scene = store_.prepare(job.snapshot, {time, time}, interrupt);
+    auto scene = store().prepare(job.snapshot, {time, time}, interrupt);
     if (!scene) return std::unexpected(std::move(scene).error());
     return rays_of(*std::move(scene));
   };
-  return run_in(arena_, [&]() -> Expected<QueryResult> {
-    const auto scene = scene_at(job.time);
-    if (!scene) return std::unexpected(scene.error());
-    return host::answer(*scene, job, scene_at, interrupt);
-  });
+  const auto scene = scene_at(job.time);
+  if (!scene) return std::unexpected(scene.error());
+  return host::answer(*scene, job, scene_at, interrupt);
 }
 
 }  // namespace

@@ -11,17 +11,17 @@
 namespace heliograph::cuda {
 
 Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(Pictures pictures, std::span<const Shot> shots,
-                                                     Mirror& mirror, const SceneOf& scene_of) {
-  std::unique_ptr<CudaFilm> film(new CudaFilm(std::move(pictures), mirror));
-  HELIO_TRY(film->open(shots, mirror, scene_of));
+                                                     const FilmTools& tools) {
+  std::unique_ptr<CudaFilm> film(new CudaFilm(std::move(pictures), tools));
+  HELIO_TRY(film->open(shots, tools));
   return film;
 }
 
 CudaFilm::~CudaFilm() { (void)join_probes(); }
 
-Status CudaFilm::open(std::span<const Shot> shots, Mirror& mirror, const SceneOf& scene_of) {
-  const auto own = std::make_shared<Copies>(mirror);
-  for (const Shot& shot : shots) HELIO_TRY(add_scenes(shot, scene_of, own));
+Status CudaFilm::open(std::span<const Shot> shots, const FilmTools& tools) {
+  const auto own = std::make_shared<Copies>(tools.mirror);
+  for (const Shot& shot : shots) HELIO_TRY(add_scenes(shot, tools.scene_of, own));
   HELIO_TRY(own->finish());
   const u32 count = u32(pictures_.size());
   tile_samples_.resize(u64(count) * pictures_[0]->tiles());
@@ -136,12 +136,12 @@ void CudaFilm::set_probes() {
   probes_ = copies_.of_own(std::span<const ProbeLaunch>(probes));
 }
 
-Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range,
-                                const Slice& slice, const Interrupt& interrupt) {
+Expected<bool> CudaFilm::render(const WorkRange& range, const Slice& slice,
+                                const Interrupt& interrupt) {
   for (; task_ < tasks_.size(); ++task_) {
     if (!waves_) {
       const WaveShots shots{tasks_[task_], task_copies_[task_], counters_.as<FilmCounters>()};
-      waves_ = std::make_unique<Waves>(context_, programs, shots, range);
+      waves_ = std::make_unique<Waves>(context_, programs_, shots, range);
       HELIO_TRY(waves_->allocate());
     }
     const auto done = waves_->advance(slice, interrupt);
@@ -159,6 +159,7 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
 }
 
 Expected<FilmPart> CudaFilm::take(const TileRun& tiles) {
+  HELIO_TRY(context_.enter());
   FilmPart part{.tiles = tiles, .samples = samples(tiles.first)};
   const std::vector<host::SumRange> ranges = pictures_[0]->sums_of(tiles);
   u64 bytes = 0;
@@ -175,6 +176,7 @@ Expected<FilmPart> CudaFilm::take(const TileRun& tiles) {
 }
 
 Status CudaFilm::put(const FilmPart& part) {
+  HELIO_TRY(context_.enter());
   std::vector<Upload> uploads;
   std::span<const std::byte> from(part.sums);
   for (const host::SumRange& range : pictures_[0]->sums_of(part.tiles)) {
@@ -188,12 +190,12 @@ Status CudaFilm::put(const FilmPart& part) {
   return {};
 }
 
-Status CudaFilm::probe(const Programs& programs) {
+Status CudaFilm::probe() {
   kernels::WaveWork work{0, tiles(), 0, 1};
   u64* rays = &counters_.as<FilmCounters>()->rays;
   void* arguments[] = {&probes_, &work, &rays};
   fetched_ = false;
-  const auto& program = later_ ? programs.probe_later : programs.probe;
+  const auto& program = later_ ? programs_.probe_later : programs_.probe;
   probes_aside_ = true;
   HELIO_TRY(context_.fork());
   return context_.launch(program.function, Programs::size(program, kernels::pixels_of(work)),
@@ -210,13 +212,12 @@ Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
       .films = views_, .pictures = u32(pictures_.size()), .tile_samples = samples_.as<u32>()};
 }
 
-Status CudaFilm::launch_resolve(const Programs& programs, ResolveLaunch& launch,
-                                const kernels::PlaneOut& out) const {
+Status CudaFilm::launch_resolve(ResolveLaunch& launch, const kernels::PlaneOut& out) const {
   launch.out = out;
   launch.out_bytes = pixels() * out.channels * size_of(plane_info(out.plane).dtype);
   void* arguments[] = {&launch};
-  return context_.launch(programs.resolve.function,
-                         Programs::size(programs.resolve, pictures_.size() * pixels()), arguments);
+  return context_.launch(programs_.resolve.function,
+                         Programs::size(programs_.resolve, pictures_.size() * pixels()), arguments);
 }
 
 /// Where a plane is resolved to: of a job that is on_device straight to where its reader has it.
@@ -256,7 +257,7 @@ Expected<std::vector<CudaFilm::Resolved>> CudaFilm::new_resolved(bool denoises) 
   return all;
 }
 
-Status CudaFilm::fill(const Programs& programs, std::span<Resolved> planes) {
+Status CudaFilm::fill(std::span<Resolved> planes) {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
   const u64 all = pictures_.size() * pixels();
@@ -271,19 +272,18 @@ Status CudaFilm::fill(const Programs& programs, std::span<Resolved> planes) {
       continue;
     }
     const u32 rank = to.plane == Plane::BEAUTY_GROUP ? groups++ : 0;
-    HELIO_TRY(launch_resolve(programs, *launch,
-                             {to.plane, info.channels, rank, reinterpret_cast<void*>(to.at)}));
+    HELIO_TRY(
+        launch_resolve(*launch, {to.plane, info.channels, rank, reinterpret_cast<void*>(to.at)}));
   }
   return {};
 }
 
-Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs,
-                                                   CudaDenoiser* denoiser) {
+Expected<std::vector<PlaneData>> CudaFilm::resolve(CudaDenoiser* denoiser) {
   HELIO_TRY(join_probes());
   const bool denoises = denoiser && std::ranges::count(job().planes, Plane::DENOISED) > 0;
   auto all = new_resolved(denoises);
   if (!all) return std::unexpected(std::move(all).error());
-  HELIO_TRY(fill(programs, *all));
+  HELIO_TRY(fill(*all));
   if (denoises) {
     const auto at = [&](u32 picture, Plane plane) {
       return std::ranges::find(*all, plane, &Resolved::plane)->at +
@@ -322,7 +322,11 @@ Status CudaFilm::download(std::vector<Download> pieces) {
   return {};
 }
 
-Expected<Noise> CudaFilm::noise(const Programs& programs) const {
+/// A lost device says nothing here; the next call says so.
+Noise CudaFilm::noise() const { return measured_noise().value_or(Noise{}); }
+
+Expected<Noise> CudaFilm::measured_noise() const {
+  HELIO_TRY(context_.enter());
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
   std::vector<kernels::PixelStatistics> told(pixels());
@@ -330,7 +334,7 @@ Expected<Noise> CudaFilm::noise(const Programs& programs) const {
   if (!memory) return std::unexpected(std::move(memory).error());
   launch->noise = memory->as<kernels::PixelStatistics>();
   void* arguments[] = {&*launch};
-  HELIO_TRY(context_.launch(programs.noise.function, Programs::size(programs.noise, told.size()),
+  HELIO_TRY(context_.launch(programs_.noise.function, Programs::size(programs_.noise, told.size()),
                             arguments));
   HELIO_TRY(context_.download(std::as_writable_bytes(std::span(told)), memory->at()));
   return host::noise_of({view_, told, tile_samples_});

@@ -22,6 +22,13 @@ struct SceneOrder {
 /// Finds the device's copy, or makes it.
 using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(const SceneOrder&)>;
 
+/// What a film is made with.
+struct FilmTools {
+  Mirror& mirror;
+  const Programs& programs;
+  SceneOf scene_of;
+};
+
 /// The pictures of one film, side by side: each array has those of all pictures one after the
 /// other. Owns: its arrays in device memory, and the waves that a range is left with. Thread: the
 /// device's.
@@ -31,8 +38,7 @@ class CudaFilm final : public Film {
   /// pictures   at least one, of `shots`
   [[nodiscard]] static Expected<std::unique_ptr<CudaFilm>> create(Pictures pictures,
                                                                   std::span<const Shot> shots,
-                                                                  Mirror& mirror,
-                                                                  const SceneOf& scene_of);
+                                                                  const FilmTools& tools);
   ~CudaFilm() override;
 
   [[nodiscard]] u32 tiles() const override { return u32(tile_samples_.size()); }
@@ -50,27 +56,28 @@ class CudaFilm final : public Film {
   [[nodiscard]] const host::HostFilm& picture(u32 i) const { return *pictures_[i]; }
 
   /// Goes on with a range, or begins with it; returns whether it is done.
-  [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
-                                      const Slice& slice, const Interrupt& interrupt);
-  /// What Backend::take() and put() say.
-  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles);
-  [[nodiscard]] Status put(const FilmPart& part);
+  [[nodiscard]] Expected<bool> render(const WorkRange& range, const Slice& slice,
+                                      const Interrupt& interrupt);
+  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles) override;
+  [[nodiscard]] Status put(const FilmPart& part) override;
   /// Starts it beside samples.
-  [[nodiscard]] Status probe(const Programs& programs);
+  [[nodiscard]] Status probe();
   /// What Backend::resolve() says.
   ///
   /// denoiser   null: there is none
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(const Programs& programs,
-                                                         CudaDenoiser* denoiser);
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(CudaDenoiser* denoiser);
   /// Of the first picture.
-  [[nodiscard]] Expected<Noise> noise(const Programs& programs) const;
+  [[nodiscard]] Noise noise() const override;
   /// Brings the centre plane that labels read to the pictures on the host.
   [[nodiscard]] Status fetch_label_planes();
 
  private:
-  CudaFilm(Pictures pictures, Mirror& mirror)
-      : pictures_(std::move(pictures)), context_(mirror.context()), copies_(mirror) {}
-  [[nodiscard]] Status open(std::span<const Shot> shots, Mirror& mirror, const SceneOf& scene_of);
+  CudaFilm(Pictures pictures, const FilmTools& tools)
+      : pictures_(std::move(pictures)),
+        context_(tools.mirror.context()),
+        programs_(tools.programs),
+        copies_(tools.mirror) {}
+  [[nodiscard]] Status open(std::span<const Shot> shots, const FilmTools& tools);
   [[nodiscard]] Status add_scenes(const Shot& shot, const SceneOf& scene_of,
                                   const std::shared_ptr<Copies>& own);
   void set_tasks(u32 picture);
@@ -83,8 +90,8 @@ class CudaFilm final : public Film {
   /// Of what the samples so far become.
   [[nodiscard]] Expected<ResolveLaunch> resolve_launch() const;
   /// Makes planes that lie in device memory.
-  [[nodiscard]] Status launch_resolve(const Programs& programs, ResolveLaunch& launch,
-                                      const kernels::PlaneOut& out) const;
+  [[nodiscard]] Status launch_resolve(ResolveLaunch& launch, const kernels::PlaneOut& out) const;
+  [[nodiscard]] Expected<Noise> measured_noise() const;
   /// A plane of device memory, and what it becomes in the frame: nothing, if only the denoiser
   /// reads it.
   struct Resolved {
@@ -100,13 +107,14 @@ class CudaFilm final : public Film {
   /// Waits for what is to come to the host, and for the count of rays.
   [[nodiscard]] Status download(std::vector<Download> pieces);
   /// Starts what fills film planes.
-  [[nodiscard]] Status fill(const Programs& programs, std::span<Resolved> planes);
+  [[nodiscard]] Status fill(std::span<Resolved> planes);
   /// What comes next finds the centre planes.
   [[nodiscard]] Status join_probes();
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   const Pictures pictures_;
   Context& context_;
+  const Programs& programs_;  // the backend's
   std::vector<std::shared_ptr<const CudaScene>> scenes_;
   std::unordered_map<const ResidentScene*, const CudaScene*> scene_of_;
   Copies copies_;

@@ -8,7 +8,7 @@
 #include "renderer/backend/embree/pixel_loop.h"
 #include "renderer/backend/embree/room.h"
 #include "renderer/backend/embree/top_level.h"
-#include "renderer/base/parallel.h"
+#include "renderer/host/host_backend.h"
 #include "renderer/host/labels.h"
 #include "renderer/host/queries.h"
 
@@ -42,6 +42,12 @@ const char* widest_isa() {
   if (__builtin_cpu_supports("avx2")) return "AVX2";
   if (__builtin_cpu_supports("avx")) return "AVX";
   return "SSE4.2";
+}
+
+std::string features(RTCDevice device, const PixelLoops& loops) {
+  const auto version = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION);
+  return fmt::format("{}, embree {}.{}.{} {}", loops.isa, version / 10000, version / 100 % 100,
+                     version % 100, widest_isa());
 }
 
 /// How tiles are cut into pieces, which are whole patches.
@@ -87,78 +93,48 @@ host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
   return {std::move(scene), std::move(tracer)};
 }
 
-class EmbreeBackend final : public Backend {
- public:
-  EmbreeBackend(DeviceHandle device, const BackendOptions& options)
-      : device_(std::move(device)),
-        cache_(options.cache_bytes),
-        accelerator_(device_.get(), options.static_triangles),
-        store_(accelerator_, cache_, options.cache_bytes),
-        loops_(best_pixel_loops()),
-        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic, 1,
-               tbb::task_arena::priority::high) {}
+/// Embree's device, and what builds on it.
+struct OwnedDevice {
+  OwnedDevice(DeviceHandle handle, u64 static_triangles)
+      : device(std::move(handle)), accelerator(device.get(), static_triangles) {}
 
-  [[nodiscard]] std::string_view name() const override { return "embree"; }
-  [[nodiscard]] std::string cpu_features() const override;
-  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
-    return store_.preparation(scene);
-  }
-  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
-                                                         const Interrupt& interrupt) override {
-    return store_.prepare_all(scenes, interrupt);
-  }
-  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
-      const Interrupt& interrupt) override {
-    return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
-  }
+  DeviceHandle device;
+  EmbreeAccelerator accelerator;
+};
+
+class EmbreeBackend final : public host::HostBackend {
+ public:
+  EmbreeBackend(const std::shared_ptr<const OwnedDevice>& owned, const BackendOptions& options)
+      : HostBackend({owned, &owned->accelerator}, options, SceneStore::Copies::kNever),
+        loops_(best_pixel_loops()),
+        info_{.name = "embree",
+              .cpu_features = features(owned->device.get(), loops_),
+              .finishes_elsewhere = true} {}
+
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
     return host::HostFilm::create(shots.front());
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
-    return static_cast<const host::HostFilm&>(film).take(tiles);
-  }
-  [[nodiscard]] Status put(Film& film, const FilmPart& part) override {
-    static_cast<host::HostFilm&>(film).put(part);
-    return {};
-  }
   [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
                                      const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
+    return static_cast<const host::HostFilm&>(film).resolve();
+  }
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
-  [[nodiscard]] bool finishes_elsewhere() const override { return true; }
-  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels_elsewhere(
-      Film& film, const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve_elsewhere(Film& film) override;
-  [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<QueryResult> query_elsewhere(const QueryJob& job,
-                                                      const Interrupt& interrupt) override;
-  [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
-  [[nodiscard]] u64 scenes_made_again() const override { return store_.made_again(); }
 
  private:
   template <class F>
   Expected<bool> for_each_piece(host::HostFilm& film, const WorkRange& range, const Slice& slice,
                                 const Interrupt& interrupt, const F& trace);
 
-  DeviceHandle device_;
-  DerivedCache cache_;
-  EmbreeAccelerator accelerator_;
-  SceneStore store_;
   const PixelLoops& loops_;
-  tbb::task_arena arena_;
+  const DeviceInfo info_;
 };
-
-std::string EmbreeBackend::cpu_features() const {
-  const auto version = rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_VERSION);
-  return fmt::format("{}, embree {}.{}.{} {}", loops_.isa, version / 10000, version / 100 % 100,
-                     version % 100, widest_isa());
-}
 
 /// From where the range was left. One piece is done at least, however late it is.
 template <class F>
@@ -173,8 +149,8 @@ Expected<bool> EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRan
     return !interrupt.requested() &&
            (next.load(std::memory_order_relaxed) == first || !slice.is_over());
   };
-  run_in(arena_, [&] {
-    parallel_for(u32(arena_.max_concurrency()), [&](u32) {
+  run_in(arena(), [&] {
+    parallel_for(u32(arena().max_concurrency()), [&](u32) {
       const FlushDenormals flush;
       while (goes_on()) {
         const u32 piece = next.fetch_add(1, std::memory_order_relaxed);
@@ -216,11 +192,6 @@ Expected<bool> EmbreeBackend::probe(Film& film, const Slice& slice, const Interr
 
 Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels(Film& film,
                                                                  const Interrupt& interrupt) {
-  return run_in(arena_, [&] { return labels_elsewhere(film, interrupt); });
-}
-
-Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels_elsewhere(
-    Film& film, const Interrupt& interrupt) {
   const auto& own = static_cast<const host::HostFilm&>(film);
   const FlushDenormals flush;
   auto labels = host::labels(own, rays_of(own.still().scene), interrupt);
@@ -228,27 +199,9 @@ Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels_elsewhere(
   return std::vector(1, *std::move(labels));
 }
 
-Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
-  return run_in(arena_, [&] { return resolve_elsewhere(film); });
-}
-
-Expected<std::vector<PlaneData>> EmbreeBackend::resolve_elsewhere(Film& film) {
-  return static_cast<const host::HostFilm&>(film).resolve();
-}
-
-Noise EmbreeBackend::noise(const Film& film) {
-  const auto& own = static_cast<const host::HostFilm&>(film);
-  return run_in(arena_, [&] { return own.noise(); });
-}
-
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
-  return run_in(arena_, [&] { return query_elsewhere(job, interrupt); });
-}
-
-Expected<QueryResult> EmbreeBackend::query_elsewhere(const QueryJob& job,
-                                                     const Interrupt& interrupt) {
   const auto scene_at = [&](Time time) -> Expected<host::SceneRays> {
-    auto scene = store_.prepare(job.snapshot, {time, time}, interrupt);
+    auto scene = store().prepare(job.snapshot, {time, time}, interrupt);
     if (!scene) return std::unexpected(std::move(scene).error());
     return rays_of(*std::move(scene));
   };
@@ -267,7 +220,8 @@ Expected<std::unique_ptr<Backend>> make_embree_backend(const BackendOptions& opt
   if (!device)
     return fail(Code::kUnavailable, "",
                 fmt::format("Embree gave no device: error {}", int(rtcGetDeviceError(nullptr))));
-  return std::make_unique<EmbreeBackend>(std::move(device), options);
+  return std::make_unique<EmbreeBackend>(
+      std::make_shared<const OwnedDevice>(std::move(device), options.static_triangles), options);
 }
 
 }  // namespace heliograph::embree
