@@ -137,6 +137,13 @@ Status check_labels(const RenderJob& job, const JobLimits& limits) {
   return {};
 }
 
+bool has_keypoints(const Snapshot& snapshot) {
+  bool any = false;
+  snapshot.meshes.for_each(
+      [&](u32, const Shared<Mesh>& row) { any |= !row.value->topology->keypoints.empty(); });
+  return any;
+}
+
 /// What a camera whose pixels have rays of their own cannot tell, as it does not know where it sees
 /// a point.
 Status check_ray_tables(const RenderJob& job) {
@@ -160,7 +167,7 @@ Status check_ray_tables(const RenderJob& job) {
     if (wanted_planes(job) & flow)
       return refuse(Code::kUnimplemented, "planes",
                     std::string(kNoPlace) + "ask for scene_flow in place of flow in pixels");
-    if (job.labels.keypoints)
+    if (job.labels.keypoints && has_keypoints(*job.snapshot))
       return refuse(Code::kUnimplemented, "labels.keypoints",
                     std::string(kNoPlace) + "leave out keypoints");
   }

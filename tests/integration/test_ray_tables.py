@@ -69,7 +69,7 @@ def test_a_table_of_a_lens_is_that_lens(scene, name):
     hit = same & (got["instance"] > 0) & (got["primitive"] == want["primitive"])
     assert hit.sum() > 100
     for plane in ("depth", "distance", "position", "position_camera"):
-        np.testing.assert_allclose(got[plane][hit], want[plane][hit], atol=2e-4, err_msg=plane)
+        np.testing.assert_allclose(got[plane][hit], want[plane][hit], atol=1e-3, err_msg=plane)
     for column in ("visible", "inside"):
         off = np.abs(got.labels[column].astype(int) - want.labels[column].astype(int))
         assert off.max() <= 3, column
@@ -137,9 +137,10 @@ def test_each_pixel_has_its_time(client):
             down = np.diag((1.0, -1.0, -1.0, 1.0))  # looks along the world's +z
             camera = hg.Camera.from_rays(rays, times=times)
             edit.entity("scanner", camera=camera, transform=down)
+        options = {"time": 0, "frame_interval": 0.1, "hold": True}
         labels = {"boxes": True, "amodal": True, "amodal_masks": True}
         planes = ["depth", "instance", "scene_flow"]
-        frame = scene.render("scanner", planes=planes, labels=labels, time=0, frame_interval=0.1)
+        frame = scene.render("scanner", planes=planes, labels=labels, **options)
         assert frame.rolling == pytest.approx(times.max())
         x, y = rays[..., 0].astype(float), rays[..., 1].astype(float)
         ball_x = -1 + 4 * times.astype(float)
@@ -151,7 +152,7 @@ def test_each_pixel_has_its_time(client):
         wall_depth = first - speed * times.astype(float)
         np.testing.assert_allclose(frame["depth"][off_ball], wall_depth[off_ball], atol=2e-5)
         flow = frame["scene_flow"]
-        np.testing.assert_allclose(flow[off_ball], np.float32([0, 0, -0.2])[None] + 0 * flow[off_ball], atol=1e-5)
+        assert np.abs(flow[off_ball] - [0, 0, -0.1 * speed]).max() < 1e-5
         np.testing.assert_array_equal(frame.amodal_mask(2), frame["instance"] == 2)
         assert frame.amodal_mask(1).all()
         # A picture sees each pixel at its time, too.
@@ -189,9 +190,7 @@ def test_sensors_see_along_its_rays(scene):
     assert np.median(np.abs(got["sensor_rgb"] - want["sensor_rgb"])) < 1e-3
     measured = (got["sensor_depth"] > 0) & (want["sensor_depth"] > 0)
     assert measured.sum() > 100
-    np.testing.assert_allclose(
-        got["sensor_depth"][measured], got["distance"][measured], rtol=1e-5
-    )
+    np.testing.assert_allclose(got["sensor_depth"][measured], got["distance"][measured], rtol=1e-5)
 
 
 def test_saved_frames_of_a_table_are_valid(scene, tmp_path):
@@ -200,7 +199,7 @@ def test_saved_frames_of_a_table_are_valid(scene, tmp_path):
     hd.generate(scene, "table", lambda draw: None, count=1, spp=1, writer=writer)
     report = hd.validate(tmp_path / "set", "exr")
     assert report.ok, str(report)
-    with pytest.raises(hg.InvalidArgument, match="ray_table"):
+    with pytest.raises(hg.HeliographError, match="ray table"):
         hd.generate(
             *(scene, "table", lambda draw: None),
             count=1,
@@ -262,6 +261,8 @@ def test_bad_tables_are_refused_by_name(scene, name):
 )
 def test_what_needs_a_place_in_the_image_is_not_there(scene, options):
     look(scene, "table", hg.Camera.from_rays(straight_down()))
+    with scene.edit() as edit:
+        edit.mesh("marked", **hg.shapes.cube(0.1), keypoints={"tip": (0, 0, 0.05)})
     with pytest.raises(hg.HeliographError, match="does not tell where it sees a point") as refused:
         scene.render("table", **options)
     assert refused.value.code == "UNIMPLEMENTED"
@@ -270,7 +271,7 @@ def test_what_needs_a_place_in_the_image_is_not_there(scene, options):
 def test_another_size_is_refused(scene):
     look(scene, "table", hg.Camera.from_rays(straight_down()))
     with pytest.raises(hg.InvalidArgument, match="at that size"):
-        scene.render("table", planes=["depth"], width=96)
+        scene.render("table", planes=["depth"], size=(96, 72))
     look(scene, "table 2", hg.Camera.from_rays(straight_down((1, 1))))
     frame = scene.render("table 2", planes=["depth", "beauty"], spp=1)
     assert frame["depth"].shape == (1, 1)

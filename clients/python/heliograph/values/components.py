@@ -189,9 +189,7 @@ class Camera:
 
         table = RayTable.of(rays, times, interpolated)
         height, width = table.rays.shape[:2]
-        return cls(
-            width, height, 0, 0, *_middle(width, height), "ray_table", rays=table, **fields
-        )
+        return cls(width, height, 0, 0, *_middle(width, height), "ray_table", rays=table, **fields)
 
     @property
     def K(self) -> NdArray:
@@ -228,9 +226,7 @@ class Camera:
         return message
 
     @classmethod
-    def from_message(
-        cls, message: scene.Camera, read: Callable[..., Any] | None = None
-    ) -> Camera:
+    def from_message(cls, message: scene.Camera, read: Callable[..., Any] | None = None) -> Camera:
         """read: answers the fields of its entity; without it a ray table is left out."""
         from .ray_table import RayTable
         from .sensors import DepthSensor, RgbSensor
