@@ -81,7 +81,22 @@ def parts(edit):
     return options
 
 
+def rays(edit, size=SIZE):
+    """A ray and a time per pixel, some of them blind, while things move."""
+    options = motion(edit)
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, size[0]), np.linspace(-0.4, 0.4, size[1]))
+    table = np.zeros((*size[::-1], 6), "f4")
+    table[..., 0], table[..., 1] = 0.1 * x, 0.2 * y * y
+    table[..., 3], table[..., 4], table[..., 5] = np.sin(x), np.sin(y), np.cos(x)
+    table[20:30, 20:30, 3:] = 0
+    times = np.random.default_rng(3).random(size[::-1]).astype("f4")
+    camera = hg.Camera.from_rays(table, times=times, interpolated=True, shutter=(0, 0.2))
+    edit.entity("camera", camera=camera)
+    return options
+
+
 SCENES = {**scenes.SCENES, "fog": fog, "motion": motion, "statics": statics, "parts": parts}
+SCENES |= {"rays": rays}
 
 
 def render(client, build, planes, spp, size=SIZE, **more):
@@ -94,10 +109,15 @@ def render(client, build, planes, spp, size=SIZE, **more):
         return scene.render("camera", planes=planes, **options)
 
 
-def centre_faults(gpu, cpu):
+def centres_of(name):
+    """A ray table has no flow in pixels."""
+    return [plane for plane in CENTRES if name != "rays" or not plane.startswith("flow")]
+
+
+def centre_faults(planes, gpu, cpu):
     """Pixels where a centre plane differs by more than rounding, plane by plane."""
     faults = {}
-    for plane in CENTRES:
+    for plane in planes:
         a, b = (np.asarray(f[plane], "f8").reshape(SIZE[1], SIZE[0], -1) for f in (gpu, cpu))
         same = np.isclose(a, b, rtol=1e-3, atol=2e-4, equal_nan=True).all(-1)
         if (~same).any():
@@ -129,7 +149,8 @@ def main(names):
     with hg.connect() as cpu, hg.connect(arguments=["--backend", "cuda"]) as gpu:
         for name in names or SCENES:
             build = SCENES[name]
-            faults = centre_faults(*(render(c, build, CENTRES, 1) for c in (gpu, cpu)))
+            centres = centres_of(name)
+            faults = centre_faults(centres, *(render(c, build, centres, 1) for c in (gpu, cpu)))
             frames = [render(c, build, MEANS, SPP) for c in (gpu, cpu)]
             plane, worst = mean_fault(*frames)
             same = np.mean((frames[0]["beauty"] == frames[1]["beauty"]).all(-1))
@@ -139,7 +160,9 @@ def main(names):
             alike = (alone["beauty"] == frames[0]["beauty"]).all()
             chance = chance_of(*frames)
             edges = max(faults.values(), default=0)
-            later = centre_faults(*(render(c, build, CENTRES, 1, vertex=2) for c in (gpu, cpu)))
+            later = centre_faults(
+                centres, *(render(c, build, centres, 1, vertex=2) for c in (gpu, cpu))
+            )
             parted = max(later.values(), default=0) / (SIZE[0] * SIZE[1])
             ok = edges <= math.ceil(EDGES * SIZE[0] * SIZE[1]) and worst <= 1e-3
             ok = ok and parted <= PARTED and chance >= LEVEL and repeats and alike

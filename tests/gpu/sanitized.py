@@ -27,10 +27,12 @@ def sanitizer():
 
 
 def render_all(address):
-    planes = parity.MEANS + parity.CENTRES + ["samples"]
+    size = (48, 40)
+    scenes = parity.SCENES | {"rays": lambda edit: parity.rays(edit, size)}
     with hg.connect(address) as client:
-        for build in parity.SCENES.values():
-            parity.render(client, build, planes, 3, (48, 40))
+        for name, build in scenes.items():
+            planes = parity.MEANS + parity.centres_of(name) + ["samples"]
+            parity.render(client, build, planes, 3, size)
 
 
 def check(tool):

@@ -116,7 +116,7 @@ class Planes:
         if position is None:
             return
         if self.shot.rolls and self.shot.has_table:
-            self.shot.leave("positions", "each pixel has a time, and maybe a pose, of its own")
+            self.shot.leave("positions", "each pixel has a pose of its own")
         elif self.shot.rolls:
             self._rows(position, camera, hit)
         else:
@@ -150,10 +150,8 @@ class Planes:
 
     def _distance(self, points: NdArray, pixels: NdArray, kind: str) -> None:
         distance = self._get("distance")
-        if distance is None:
+        if distance is None or self.shot.has_table:  # whose rays begin anywhere
             return
-        if self.shot.has_table:
-            return self.shot.leave("distance", "rays of a table begin where they like")
         x, y = pixels.astype(int).T
         expected = points[:, 2] if kind == "orthographic" else np.linalg.norm(points, axis=1)
         error = np.abs(distance[y, x] - expected)

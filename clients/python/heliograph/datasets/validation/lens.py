@@ -16,9 +16,9 @@ _KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")
 
 
 class Lens(NamedTuple):
-    """kind: a projection of docs/cameras.md, or "other", which is not looked at further, as of a ray
-    table, which tells no place in the image. K: (3, 3),
-    what the points say, which is what was told unless `told` is False. distortion: OpenCV's."""
+    """kind: a projection of docs/cameras.md, or "other", which is not looked at further, as of a
+    ray table, which tells no place in the image. K: (3, 3), what the points say, which is what was
+    told unless `told` is False. distortion: OpenCV's."""
 
     kind: str
     K: NdArray
