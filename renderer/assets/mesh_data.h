@@ -2,6 +2,8 @@
 // the checks before it becomes a PutMesh.
 #pragma once
 
+#include <algorithm>
+#include <cstring>
 #include <string>
 #include <vector>
 
@@ -24,6 +26,22 @@ struct MeshData {
   std::vector<std::string> part_names;
   std::vector<std::vector<vec3>> morph_positions;  // by target, as long as `positions`
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
+};
+
+/// Hash of a vertex's numbers, whose type has no padding.
+struct VertexHash {
+  template <class T>
+  std::size_t operator()(const T& vertex) const {
+    u64 hash = 0;
+    for (std::size_t at = 0; at < sizeof vertex; at += sizeof hash) {
+      u64 word = 0;
+      std::memcpy(&word, reinterpret_cast<const char*>(&vertex) + at,
+                  std::min(sizeof word, sizeof vertex - at));
+      hash = (hash ^ word) * 0x9E3779B97F4A7C15ull;
+      hash ^= hash >> 29;
+    }
+    return std::size_t(hash);
+  }
 };
 
 /// Of length 1; 0 for what has no direction, a NaN too.
