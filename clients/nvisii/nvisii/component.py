@@ -1,4 +1,4 @@
-"""What all components share: names, ids, who uses whom, and what changed since the last picture."""
+"""Base of all components: names, ids, users, and changes since the last picture."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Component:
 
     @classmethod
     def get_count(cls) -> int:
-        """How many there are."""
+        """Number of components of this kind."""
         return len(cls._named)
 
     @classmethod
@@ -107,7 +107,7 @@ class Component:
 
     @classmethod
     def are_any_dirty(cls) -> bool:
-        """Whether any of this kind changed since the last picture."""
+        """True if a component of this kind changed since the last picture."""
         return bool(cls._changed)
 
     def is_dirty(self) -> bool:
@@ -140,7 +140,7 @@ class Component:
         self.mark_dirty()
 
     def _used(self) -> list[Component]:
-        """All components that this one uses."""
+        """Lists the components that this one uses."""
         return []
 
 

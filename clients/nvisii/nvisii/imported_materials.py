@@ -69,7 +69,7 @@ class Look:
 
     @classmethod
     def of(cls, made: material) -> Look:
-        """Of a material that is there."""
+        """Look of a material that exists already."""
         look = cls.__new__(cls)
         look.material, look.baked, look.left_out = made, [], []
         look._light, look._emission = None, None

@@ -30,7 +30,7 @@ _PERSPECTIVE = scene_pb2.Camera.PROJECTION_PERSPECTIVE
 
 
 class scene:
-    """What import_scene() made."""
+    """Components that import_scene() made, by kind."""
 
     def __init__(self) -> None:
         self.entities: list[entity] = []
@@ -80,7 +80,7 @@ def free_name(kind: type[Component], wanted: str) -> str:
 
 
 class _Importer:
-    """One file."""
+    """Importer of one file."""
 
     def __init__(self, model: Model, stem: str) -> None:
         self.model, self.stem = model, stem
@@ -158,7 +158,7 @@ class _Importer:
             found.set_light(lamp)
 
     def _plain(self) -> material:
-        """Of what has no material in the file."""
+        """Default material, for surfaces without one in the file."""
         if -1 not in self._looks:
             made = material.create(self._named(material, "default"))
             self._looks[-1] = Look.of(made)

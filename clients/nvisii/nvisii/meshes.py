@@ -27,7 +27,7 @@ class mesh(Component, Factories):
         return rows
 
     def get_colors(self) -> list[Any]:
-        """Of vertices, vec4."""
+        """Colours of the vertices, a list of vec4."""
         return [vec4(*row) for row in self._arrays.colors.tolist()]
 
     def get_normals(self) -> list[Any]:
@@ -61,7 +61,7 @@ class mesh(Component, Factories):
         return vec3(*self._bounds().mean(axis=0).tolist())
 
     def get_bounding_sphere_radius(self) -> float:
-        """Of the sphere about get_center()."""
+        """Radius of the sphere about get_center() that holds all vertices."""
         positions = self._arrays.positions.astype(float)
         return float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
 

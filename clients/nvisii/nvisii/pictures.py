@@ -38,7 +38,7 @@ def read_picture(path: str | os.PathLike[str]) -> Any:
 
 
 def _texels(picture: Any) -> Any:
-    """Of a PIL image. Grey of 16 bits ("I") and of floats ("F") would be cut off by convert()."""
+    """Texels of a PIL image. convert() would cut off grey of 16 bits ("I") and of floats ("F")."""
     if picture.mode[0] not in "IF":
         return np.array(picture.convert("RGBA"))
     gray = np.asarray(picture, dtype="f4")[..., None].repeat(3, axis=2)

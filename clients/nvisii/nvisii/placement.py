@@ -1,4 +1,4 @@
-"""Where a transform is at one instant, and the mathematics of it; many at once for render()."""
+"""Pose of a transform at one instant, and its mathematics; many at once for render()."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Placement:
     matrix: Any = field(default_factory=lambda: _IDENTITY)
 
     def is_set(self) -> bool:
-        """Whether any part is not None."""
+        """True if a part is not None."""
         parts = (self.position, self.rotation, self.scale, self.matrix)
         return any(part is not None for part in parts)
 
@@ -185,7 +185,7 @@ def shown_pose(owner: transform, previous: bool) -> Any:
 
 
 def moves(owner: transform) -> bool:
-    """Whether the pose at the previous frame may be another one."""
+    """True if the pose at the previous frame may differ from the current one."""
     above: transform | None = owner
     while above is not None:
         if above._before is not FOLLOWS and above._before.is_set():

@@ -30,7 +30,7 @@ def render(width: int, height: int, samples_per_pixel: int, seed: int = 0) -> An
 def render_to_file(
     width: int, height: int, samples_per_pixel: int, file_path: str, seed: int = 0
 ) -> None:
-    """To .png (sRGB), .exr or .hdr (linear)."""
+    """Renders to a .png (sRGB), .exr or .hdr (linear) file."""
     write_picture(file_path, picture((width, height), samples_per_pixel, seed))
 
 

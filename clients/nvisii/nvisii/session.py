@@ -135,7 +135,7 @@ atexit.register(deinitialize)
 
 
 def session() -> _Session:
-    """What render() renders with."""
+    """Session that render() uses. RuntimeError before initialize()."""
     if _session is None:
         raise RuntimeError(daemon.NOT_INITIALIZED)
     return _session
@@ -178,7 +178,7 @@ def register_pre_render_callback(callback: Callable[[], Any] | None) -> None:
 
 
 def call_back() -> None:
-    """Before a picture."""
+    """Calls the registered callback, before a picture."""
     if _callback is not None:
         _callback()
 
@@ -243,7 +243,7 @@ def should_window_close() -> bool:
 
 
 def get_scene_min_aabb_corner() -> Any:
-    """Of all that is shown, in the world."""
+    """Lower corner of the box about all shown entities, in the world."""
     return _scene_box()[0]
 
 

@@ -106,7 +106,7 @@ class texture(Component):
         self.mark_dirty()
 
     def set_linear(self, is_linear: bool) -> None:
-        """Whether bytes are numbers, not sRGB colours."""
+        """True: bytes are linear numbers, not sRGB colours."""
         self._linear = bool(is_linear)
         self.mark_dirty()
 
@@ -114,7 +114,7 @@ class texture(Component):
         return self._linear
 
     def is_hdr(self) -> bool:
-        """Whether texels are floats."""
+        """True if texels are floats."""
         return bool(self._texels.dtype != np.uint8)
 
     def get_width(self) -> int:

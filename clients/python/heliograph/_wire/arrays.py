@@ -194,7 +194,7 @@ class Store:
 
     @contextlib.contextmanager
     def witnessed(self, witness: Callable[[bytes, memoryview | bytes], Any]) -> Iterator[None]:
-        """While it lasts, witness(SHA-256, data) is told of each blob that an edit needs."""
+        """Within the block, calls witness(SHA-256, data) for each blob that an edit needs."""
         self._witness = witness
         try:
             yield
@@ -217,7 +217,7 @@ class Store:
                     sources.add(part.blob, data)
 
     def forget_parent(self) -> None:
-        """In a forked child."""
+        """Replaces the lock and the loans after a fork, in the child."""
         self._lock = threading.Lock()
         self._loans = Loans(self._connection)
         self._witness = None
@@ -249,7 +249,7 @@ class Columns(Mapping[str, Any]):
 
     @classmethod
     def of(cls, messages: Any, remedy: str = "") -> Columns:
-        """From LabelColumn messages."""
+        """Columns of LabelColumn messages. remedy: how to get a column that is missing."""
         return cls({message.name: _column(message) for message in messages}, remedy)
 
     def __getitem__(self, name: str) -> Any:

@@ -68,7 +68,7 @@ class Connection:
         return link
 
     def resume(self, link: Link, failure: HeliographError) -> bool:
-        """Whether the daemon was restarted and opened the session again: with the numbering of the
+        """True if the daemon was restarted and opened the session again: with the numbering of the
         edits of durable scenes, without anything else."""
         if not isinstance(failure, Unauthenticated) or link.server.journal == _NO_JOURNAL:
             return False
@@ -80,8 +80,8 @@ class Connection:
         return self._link is not None
 
     def _resumed(self, session: int) -> Link | None:
-        """The same session, tried again while the daemon is unavailable; None: it is gone. It may
-        be open, because the answer was lost: without a link it would end."""
+        """Opens the same session, trying again while the daemon is unavailable; None: it is gone.
+        It may be open already, because the answer was lost: without a link it would end."""
         patience = Patience()
         while True:
             try:
@@ -94,7 +94,7 @@ class Connection:
                 raise failure
 
     def _lost(self, error: HeliographError) -> HeliographError:
-        """How the private daemon died, when that is why."""
+        """Error that tells how the private daemon died, if it did; otherwise `error`."""
         if isinstance(error, Unavailable) and self.daemon is not None:
             deadline = time.monotonic() + 0.3
             while self.daemon.exit_code() is None and time.monotonic() < deadline:
@@ -175,7 +175,7 @@ class Connection:
             raise self.failure(link, error) from None
 
     def failure(self, link: Link, error: grpc.RpcError) -> HeliographError:
-        """What to raise for a call that cannot be repeated here."""
+        """Error to raise for a call that cannot be repeated here."""
         failed = to_error(error)
         if self.closed and isinstance(failed, Unavailable):
             return Unavailable("this client was closed in the middle of the call")
@@ -209,7 +209,7 @@ class Connection:
             self._link.resume_after_fork()
 
     def forget_parent(self) -> None:
-        """In a forked child."""
+        """Replaces the lock and leaves the parent's link alone, in a forked child."""
         self._lock = threading.Lock()
         link, self._link = self._link, None
         if link is not None:
@@ -234,7 +234,7 @@ class Stream:
         self.link, self._call = begin()
 
     def cancel(self) -> None:
-        """From any thread."""
+        """Cancels the call. Thread: any."""
         self._cancelled = True
         self._call.cancel()
 

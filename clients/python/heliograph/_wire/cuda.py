@@ -82,11 +82,11 @@ class Driver:
             raise _missing("has an NVIDIA driver that does not start (cuInit)")
 
     def result(self, name: str, *arguments: Any) -> int:
-        """What a function answers; 0: success."""
+        """Calls a function of the driver and returns its code; 0: success."""
         return int(self._functions[name](*arguments))
 
     def call(self, name: str, *arguments: Any) -> None:
-        """The same; anything but success is an error."""
+        """Calls a function of the driver; Internal unless it succeeds."""
         code = self.result(name, *arguments)
         if code != 0:
             raise Internal(f"device: {name} failed with CUDA error {code}")
@@ -156,7 +156,7 @@ class Device:
 
 
 class _Current:
-    """What Device.current() is."""
+    """Context manager of Device.current()."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -199,7 +199,7 @@ class Mapping:
 
 
 def _unmap(device: Device, address: int, size: int, pid: int) -> None:
-    """Once nothing on the GPU uses it."""
+    """Frees an address range once nothing on the GPU uses it; does nothing in a forked child."""
     if os.getpid() != pid:
         return
     with device.current() as driver:
@@ -209,7 +209,7 @@ def _unmap(device: Device, address: int, size: int, pid: int) -> None:
 
 
 class Fence:
-    """All work that this process had given a GPU by now, in whatever streams."""
+    """Event after all work that this process has given a GPU by now, in all streams."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -220,7 +220,7 @@ class Fence:
         self._is_recorded = code == 0
 
     def is_over(self) -> bool:
-        """Whether it is done. What could not be recorded is tried again."""
+        """True if that work is done. An event that could not be recorded is tried again."""
         with self._device.current() as driver:
             if not self._is_recorded:
                 code = driver.result("cuCtxRecordEvent", self._device.context, self._event)

@@ -38,7 +38,7 @@ class DeviceArray:
 
     @property
     def pointer(self) -> int:
-        """Where it lies in the GPU's memory."""
+        """Address in the GPU's memory."""
         self._lease.show()
         return self._address
 
@@ -105,13 +105,13 @@ class DeviceArray:
 
 
 class DeviceLease:
-    """One use of a buffer; ends when nothing refers to it."""
+    """Lease of a buffer; ends when nothing refers to it."""
 
     def __init__(self, mapping: Mapping) -> None:
         self.mapping = mapping
         self.readers: list[Device] = []  # GPUs that may read it for a while after that
 
     def show(self) -> None:
-        """From now on anybody knows where it lies."""
+        """Notes that the address was given out: the GPU may be read from any stream from now on."""
         if not self.readers:
             self.readers.append(self.mapping.device)

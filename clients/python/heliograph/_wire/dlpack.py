@@ -32,7 +32,7 @@ class Tensor(ctypes.Structure):
 
 
 def is_here() -> bool:
-    """Whether this client has the library. BufferError: it does not load."""
+    """True if this client has the native library. BufferError: it does not load."""
     return _function() is not None
 
 

@@ -1,4 +1,4 @@
-"""One session with a daemon over one channel, and its local channel. Used by connection.py."""
+"""Session with a daemon over one channel, and its local channel. Used by connection.py."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class Link:
         self._session = (("heliograph-session", str(self.session)),)
 
     def _ask_again(self, request: service.OpenSessionRequest, seconds: float) -> Any:
-        """Without waiting for a connection: what is raised now names the cause."""
+        """Opens the session without waiting for a connection, so that an error names the cause."""
         call = self.method("OpenSession")
         try:
             return call(request, timeout=seconds, metadata=self.metadata)
@@ -190,7 +190,7 @@ class Link:
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
-        """What each call carries."""
+        """Headers of each call: token, trace, session."""
         return self._access.metadata() + self._session
 
     def keep_session(self) -> None:
@@ -202,7 +202,8 @@ class Link:
         self._keeper.start()
 
     def pause_for_fork(self) -> None:
-        """No stream may be open at os.fork; the grace time bridges the gap."""
+        """Closes the open stream before os.fork, which allows none; the grace time bridges the
+        gap."""
         if self.shared is not None:
             self.shared.keep_leases()
         if self._keep is not None:
@@ -232,7 +233,7 @@ class Link:
         return self._calls[key]
 
     def abandon(self) -> None:
-        """In a forked child: leaves the parent's channel alone for ever, closes our copy of the
+        """Leaves the parent's channel alone for ever, in a forked child, and closes our copy of the
         local channel. Closing or freeing the channel here would hang, so it is made immortal."""
         for thing in (self.channel, self._calls, self._keep):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))

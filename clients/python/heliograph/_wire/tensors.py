@@ -7,7 +7,7 @@ from typing import Any
 
 
 def is_tensor(value: Any) -> bool:
-    """Whether it is one."""
+    """True for a PyTorch tensor."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(value, torch.Tensor)
 

@@ -1,6 +1,6 @@
-"""What a transaction names by hash, until no repetition can need it. The daemon frees uploads that
-no scene, job or recent call refers to; a call that names one is refused with its hash, and repeated
-here once that was sent again. Used by edits, renders and assets."""
+"""Uploads that a transaction names by hash, kept until no repetition can need them. The daemon
+frees uploads that no scene, job or recent call refers to; a call that names one is refused with its
+hash, and repeated here once that was sent again. Used by edits, renders and assets."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Sources:
             self._blobs[digest] = bytes(data) if self._owns else data
 
     def add_decoding(self, digest: bytes, decoding: Decoding) -> None:
-        """What the daemon made of files."""
+        """Adds a file's decoding that the daemon made, by its digest."""
         self._decodings[digest] = decoding
 
     def clear(self) -> None:

@@ -66,7 +66,7 @@ def add_view(parser: argparse.ArgumentParser) -> None:
 
 
 def add_model(group: Any) -> None:
-    """How a model file is read."""
+    """Adds the options for reading a model file."""
     group.add_argument("--up", default="", choices=["x", "y", "z"], help="for formats without one")
     group.add_argument("--units", type=float, default=0.0, help="metres a unit, likewise")
     group.add_argument(

@@ -126,7 +126,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         return self.scene.client.store.asset(data, self.sources)
 
     def note_decoding(self, digest: bytes) -> None:
-        """It names what the daemon made of files."""
+        """Adds a decoding to the sources, if the digest names one."""
         known = self.scene.client.store.decodings
         if digest in known:
             self.sources.add_decoding(digest, known[digest])
@@ -142,7 +142,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
 
     @property
     def is_lent(self) -> bool:
-        """Whether it names arrays on a GPU, which are gone when it is."""
+        """True if the transaction names arrays on a GPU, which it keeps alive."""
         return bool(self._loans)
 
     def _add(self, target: Named | None, exist_ok: bool = True, update: bool = False) -> pb.Edit:

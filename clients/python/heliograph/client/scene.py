@@ -92,7 +92,7 @@ class Scene:
         try:
             return self.client.connection.apply(request)
         except KeyboardInterrupt:
-            # Whether it was applied is settled by asking for the same number again.
+            # Sends the same number again, which settles if it was applied.
             self.client.connection.apply(request)
             raise
 
@@ -128,7 +128,7 @@ class Scene:
     def render_sequence(
         self, camera: Named, times: Any, **options: Unpack[call.Options]
     ) -> Iterator[Frame]:
-        """One frame a time, seconds; the next one is rendered when it is asked for."""
+        """Yields one frame per time, seconds; each is rendered when it is asked for."""
         if "time" in options:
             raise InvalidArgument("time: render_sequence sets it", field="time")
         revision = options.pop("revision", None) or self.revision
@@ -201,7 +201,7 @@ class Scene:
 
     @property
     def lifetime(self) -> Lifetime:
-        """Until when it lives; see Client.create_scene."""
+        """Lifetime of the scene: "session", "daemon", "disk" or "disk_synced"."""
         return NAMES[self._info().lifetime]
 
     @property
@@ -246,7 +246,7 @@ class Scene:
         return [self.handle(o.id, o.name) for o in self._objects(pattern)]
 
     def tree(self) -> str:
-        """Every object, entities indented under their parents, with their uses."""
+        """Text of the scene's objects, entities indented under their parents, with their uses."""
         from ..image.notebook import Tree
 
         return Tree(self._objects("")).text()
@@ -263,7 +263,7 @@ class Scene:
         return np.stack([row[0] for row in self.read(listed, ["pose"])])
 
     def read(self, things: Sequence[Named], fields: Sequence[str]) -> list[list[Any]]:
-        """For each thing, each field: an array, an Edit message, or None where there is nothing."""
+        """Reads, per thing, each field: an array, an Edit message, or None where there is none."""
         refs = [t.ref() if isinstance(t, Handle) else types.Ref(name=t) for t in things]
         request = service.ReadRequest(scene=self.id, refs=refs, fields=fields)
         out: list[list[Any]] = [[None] * len(fields) for _ in refs]
@@ -293,8 +293,8 @@ class Scene:
         return query.cast_rays(self, origins, directions, (t_max, any_hit))
 
     def pick(self, camera: Named, pixels: Any) -> Columns:
-        """What lies at image points (N, 2), K coordinates (integers are pixel centres): the columns
-        of cast_rays()."""
+        """Columns of cast_rays() for the surfaces seen at image points (N, 2), K coordinates
+        (integers are pixel centres)."""
         return query.pick(self, camera, pixels)
 
     def visible(self, camera: Named, entities: Any) -> Columns:
@@ -313,7 +313,7 @@ class Scene:
     def tracks(
         self, camera: Named, points: Any, times: Any, *, through_transmission: bool = False
     ) -> Columns:
-        """Where N points of surfaces are at T times (seconds, any order), as a camera sees them.
+        """Projects N points of surfaces at T times (seconds, any order) into a camera.
 
         points: columns entity, primitive, barycentric, as pick(), cast_rays() and sample_surface()
         give them; or (entity, vertices (N,)); or (entity, primitive (N,), barycentric (N, 2)).

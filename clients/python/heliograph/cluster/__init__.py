@@ -34,10 +34,10 @@ _QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.WARNI
 
 @dataclass(frozen=True)
 class Report:
-    """What generate() did. images: made by this call; skipped: were there; rejected: by `accept`;
-    seconds; lost: how often a worker or its daemon was; core_seconds: of CPU time for the images,
-    without what lost workers spent, None where a daemon is not a worker's own; gpu_seconds: how
-    long GPUs were taken."""
+    """Result of generate(). images: made by this call; skipped: present before; rejected: draws
+    that `accept` refused; seconds; lost: how often a worker or its daemon was; core_seconds: CPU
+    time for the images, without that of lost workers, None where a daemon is not a worker's own;
+    gpu_seconds: time that GPUs were reserved."""
 
     images: int
     skipped: int
@@ -219,8 +219,8 @@ class _Team:
         self._busy[actor.make.remote(*shard)] = actor, shard
 
     def _said(self, reference: Any) -> dict[str, Any]:
-        """What an actor answered; "lost": why it was, "ended": there is no such actor any more.
-        Raises its errors."""
+        """Answer of an actor; "lost": why it was lost, "ended": the actor is gone. Raises its
+        errors."""
         errors = self._ray.exceptions
         try:
             return self._ray.get(reference) or {}

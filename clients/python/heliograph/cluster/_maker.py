@@ -111,7 +111,7 @@ class Maker:
         return self._run
 
     def _cpu_seconds(self) -> float:
-        """What this process and its private daemon have used so far."""
+        """CPU seconds of this process and its private daemon so far."""
         daemon = self._client.connection.daemon if self._client is not None else None
         is_there = daemon is not None and daemon.exit_code() is None
         return time.process_time() + (daemon.cpu_seconds() if daemon and is_there else 0.0)

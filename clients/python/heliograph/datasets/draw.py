@@ -26,7 +26,7 @@ _DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
 
 
 class Draw:
-    """One draw from the randomizers: an overlay under way, and the numbers to draw it from.
+    """Draw from the randomizers: an overlay under way, and the numbers to draw it from.
 
     scene: for reading and queries; it stays as it is. edit: the overlay, an hg.Edits.
     rng: a np.random.Generator of this randomizer and draw alone. index: of the draw, from 0: with
@@ -57,7 +57,7 @@ class Draw:
         return self.cameras[0]
 
     def _rng(self, path: tuple[int, ...]) -> np.random.Generator:
-        """That of a path, one a draw: whoever is called again goes on with its numbers."""
+        """Generator of a path, one per draw: a second call of the path goes on with its numbers."""
         if path not in self._rngs:
             key = (_DRAW, self.index, self.attempt, *path)
             sequence = np.random.SeedSequence(self.seed, spawn_key=key)
@@ -66,8 +66,8 @@ class Draw:
 
     @contextmanager
     def within(self, position: int) -> Iterator[None]:
-        """While it lasts, rng is one of its own, keyed by (seed, index, attempt, position); of a
-        Compose within another by both positions. The next time it goes on with its numbers."""
+        """Within the block, makes rng one of its own, keyed by (seed, index, attempt, position); in
+        a Compose within another, by both positions. The next block goes on with its numbers."""
         path, rng = self._path, self.rng
         self._path = (*path, position)
         self.rng = self._rng(self._path)
@@ -123,7 +123,7 @@ class Draw:
         return self._base.bodies
 
     def mark(self) -> Any:
-        """What was drawn so far, for rewind()."""
+        """State of the draw so far, for rewind()."""
         drawn = dict(self._placed), dict(self._parents), dict(self._made)
         return len(self.edit.transaction.edits), self._followed, drawn
 
@@ -195,7 +195,7 @@ class Draw:
             self._placed[key] = np.eye(4)
 
     def _key_of(self, index: int) -> Any:
-        """Of what an edit makes or changes."""
+        """Key of the object that an edit makes or changes."""
         return self._named(self.edit.transaction.edits[index].target) or f"edits[{index}]"
 
     def _named(self, ref: types.Ref) -> Any:
@@ -234,7 +234,7 @@ class BasePoses:
 
     @cached_property
     def ids(self) -> dict[str, int]:
-        """Of the scene's objects, by their names."""
+        """Ids of the scene's objects, by name."""
         return {found.name: found.id for found in self.scene.describe(tree=True).objects}
 
     def learn(self, keys: Any) -> None:

@@ -1,5 +1,5 @@
-"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands; of
-dataset.json see record.py."""
+"""Folder DIR/.heliograph, where a data set keeps records. Used by generate() and commands;
+dataset.json is in record.py."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAME = ".heliograph"
 
 
 def _here() -> str:
-    """Where numbers of processes mean the same: containers may share a host's name, not these."""
+    """Name of this process namespace: containers may share a host's name, not this."""
     try:
         return f"{socket.gethostname()}-{os.stat('/proc/self/ns/pid').st_ino}"
     except OSError:  # no Linux
@@ -80,11 +80,11 @@ class Folder:
         self._mark.unlink(missing_ok=True)
 
     def is_entered(self) -> bool:
-        """Whether another run is under way; on another machine it may have been killed."""
+        """True if another run is under way; on another machine it may have been killed."""
         return bool(self._others())
 
     def is_entered_here(self) -> bool:
-        """Whether another run of this machine, or container, is."""
+        """True if another run of this machine, or container, is under way."""
         return any(_MINE.fullmatch(path.name) for path in self._others())
 
     def _others(self) -> list[Path]:
@@ -111,7 +111,7 @@ class Folder:
                 path.unlink(missing_ok=True)
 
     def drop_partial(self) -> None:
-        """What processes of this machine, or container, left that were killed."""
+        """Removes partial files of killed processes of this machine, or container."""
         _drop_dead(self.own / "partial")
 
     @contextlib.contextmanager
@@ -167,15 +167,15 @@ class Folder:
         self.put(self._record(index).relative_to(self.root), text)
 
     def record(self, index: int) -> dict[str, Any]:
-        """What keep() got; NotFound."""
+        """Record given to keep(). NotFound."""
         return _json(self._record(index))
 
     def manifest(self, index: int) -> str:
-        """What keep() got; NotFound."""
+        """Manifest given to keep(), JSON. NotFound."""
         return _text(self.own / "manifests" / f"{name_of(index)}.json")
 
     def overlay(self, index: int) -> bytes | None:
-        """What keep() got, where the manifest has not got it."""
+        """Overlay given to keep(), where the manifest leaves it out; otherwise None."""
         path = self.own / "overlays" / f"{name_of(index)}.bin"
         return path.read_bytes() if path.exists() else None
 
@@ -188,7 +188,7 @@ class Folder:
             self.put(self._blob(digest).relative_to(self.root), data)
 
     def blob(self, digest: bytes) -> bytes | None:
-        """What keep_blob() got."""
+        """Blob given to keep_blob(); None if there is none."""
         path = self._blob(digest)
         return path.read_bytes() if path.exists() else None
 
@@ -199,7 +199,7 @@ class Folder:
             self.put(path.relative_to(self.root), request)
 
     def decoding(self, digest: bytes) -> bytes | None:
-        """What keep_decoding() got."""
+        """Decoding given to keep_decoding(); None if there is none."""
         path = self._decoding(digest)
         return path.read_bytes() if path.exists() else None
 
@@ -217,15 +217,15 @@ class Folder:
         return _json(self.own / "dataset.json")
 
     def has_files(self) -> bool:
-        """Whether DIR has any, but what is kept here."""
+        """True if DIR has any file or folder but this one."""
         return any(path != self.own for path in self.root.iterdir())
 
     def has_images(self, but: Container[int] = ()) -> bool:
-        """Whether an image is done."""
+        """True if an image is done whose index is not in `but`."""
         return any(index not in but for index in self._done())
 
     def forget(self, images: Container[int]) -> None:
-        """That these are done. All other files stay: equal runs may be using them."""
+        """Removes the records of images. All other files stay: equal runs may be using them."""
         for index in self._done():
             if index in images:
                 self._record(index).unlink(missing_ok=True)
@@ -236,7 +236,7 @@ class Folder:
 
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
-    """Whether an error is one of these, by its number or by what it says."""
+    """True if an error has one of these errnos, by its number or by its text."""
     told = getattr(error, "errno", None)
     return told in numbers or (
         told is None and any(os.strerror(number) in str(error) for number in numbers)

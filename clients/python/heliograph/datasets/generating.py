@@ -36,8 +36,8 @@ _OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "tim
 
 @dataclass(frozen=True)
 class Summary:
-    """What generate() did. images: made by this call; skipped: were there; rejected: draws that
-    `accept` refused; seconds; complete: whether all images of the data set are there."""
+    """Result of generate(). images: made by this call; skipped: present before; rejected: draws
+    that `accept` refused; seconds; complete: True if all images of the data set are there."""
 
     images: int
     skipped: int
@@ -120,7 +120,7 @@ def run_of(
     splits: Mapping[str, float] | None = None,
     **options: Any,
 ) -> Run:
-    """What generate() does with these arguments, not begun yet."""
+    """Run of generate() with these arguments, not begun yet."""
     refused = sorted(set(options) & set(_OWN))
     if refused:
         raise InvalidArgument(
@@ -210,7 +210,7 @@ class Run:
             writer.begin(self.dataset)
 
     def make(self, wanted: Sequence[int], credits: int, bar: Bar) -> Summary:
-        """Those of the images that are not there yet; of `complete` it says nothing."""
+        """Makes the wanted images that are not there yet. Summary.complete is left False."""
         start = time.monotonic()
         skipped = _Count()
         draws = self._draws(wanted, skipped)
@@ -233,7 +233,7 @@ class Run:
         return Summary(made, skipped.value, self.source.rejected, seconds, False)
 
     def checked(self, indices: Iterable[int] | None) -> Sequence[int]:
-        """Those that make() takes; None: all."""
+        """Indices for make(), within [0, count); None: all. InvalidArgument."""
         count = self.dataset.count
         if indices is None:
             return range(count)
@@ -256,7 +256,7 @@ class Run:
                 yield draw, missing
 
     def finish(self) -> bool:
-        """Whether all images are there; if so, writes what is of all of them."""
+        """True if all images are there; if so, writes the files that describe all of them."""
         for writer, record in zip(self.writers, self.records):
             with writer.folder.alone():
                 record.check()
@@ -335,7 +335,8 @@ class _Count:
 
 
 def merged(requests: Iterable[Any]) -> dict[str, Any]:
-    """One label request that has all of several: each True, False, a mapping or names."""
+    """Merges label requests (each True, False, a mapping or names) into one. InvalidArgument where
+    two ask for different values."""
     out: dict[str, Any] = {}
     for request in requests:
         if request is True:

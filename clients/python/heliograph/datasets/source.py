@@ -42,9 +42,9 @@ def naming(index: int) -> Iterator[None]:
 
 
 class Source:
-    """What draw number i of a seed looks like, in the scene as it is now. Thread: any; the
-    randomizer and `accept` are called one at a time. Arguments are those of generate(); is_kept
-    says of a SHA-256 whether the bytes that a randomizer uploads are not wanted."""
+    """Source of draws: number i of a seed, in the scene as it is now. Thread: any; the randomizer
+    and `accept` are called one at a time. Arguments are those of generate(); is_kept(SHA-256) is
+    True for bytes that the data set holds, which no upload needs to carry."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class Source:
     def frames(
         self, index: int, edit: Edits, cameras: Sequence[Handle], **options: Any
     ) -> list[Frame]:
-        """One a camera, of a draw and its overlay. options: planes and labels."""
+        """Renders a draw and its overlay: one frame per camera. options: planes and labels."""
         seed = render_seed(self.seed, index)
         return self._render(cameras, overlay=edit, seed=seed, **options, **self._options)
 

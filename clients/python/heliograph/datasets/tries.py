@@ -1,4 +1,4 @@
-"""What is raised when something was tried as often as it may be. Used by draws and randomizers."""
+"""Error after the last attempt of a draw or randomizer. Used by both."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What overlays name by hash: kept with a data set, and brought to the daemon that renders an image
-again. Used by generate() and KeptImage."""
+"""Uploads that overlays name by hash: kept with a data set, and brought to the daemon that renders
+an image again. Used by generate() and KeptImage."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _unchanged(path: Path, file: service.BundleFile) -> bytes:
 
 
 class Kept:
-    """What a data set keeps of its overlays, for a daemon that renders images again."""
+    """Uploads that a data set keeps of its overlays, for a daemon that renders images again."""
 
     def __init__(self, folder: Folder, client: Client) -> None:
         self._folder, self._client = folder, client

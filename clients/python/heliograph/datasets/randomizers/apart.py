@@ -83,7 +83,7 @@ class Apart:
 
 
 def _near(boxes: Any, i: int, others: Sequence[int], spacing: float) -> bool:
-    """Whether the box of i is closer than `spacing` to another one's."""
+    """True if the box of i is closer than `spacing`, metres, to another one's."""
     low, high = boxes[others, 0], boxes[others, 1]
     gap = np.maximum(0, np.maximum(low - boxes[i, 1], boxes[i, 0] - high))
     return bool((np.linalg.norm(gap, axis=1) < spacing).any())

@@ -69,7 +69,7 @@ class InView:
         )
 
     def _seen(self, draw: Draw, targets: set[int]) -> int:
-        """How many targets are seen well enough, by the camera that sees fewest."""
+        """Number of targets seen well enough, by the camera that sees fewest."""
         cameras = draw.cameras if self.camera is None else [self.camera]
         frames = draw.scene.render(
             cameras, overlay=draw.edit, planes=[], labels=["boxes", "amodal"], progress=False

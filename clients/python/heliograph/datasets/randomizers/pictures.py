@@ -109,7 +109,8 @@ def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
 
 
 def _absolute(image: str | os.PathLike[str]) -> Path:
-    """It is read at the first draw that takes it, wherever the process is by then."""
+    """Absolute path of an image, which is read at the first draw that takes it, wherever the
+    process is by then. NotFound."""
     path = Path(image).absolute()
     if not path.is_file():
         raise NotFound(f"images: no file {image}", field="images")

@@ -1,4 +1,4 @@
-"""What randomizers draw numbers from: ranges, directions, rotations. Used by all of them."""
+"""Distributions of the randomizers: ranges, directions, rotations. Used by all of them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LogUniform:
 
 
 class Choice:
-    """One of some values, all with the same probability."""
+    """Distribution over some values, all with the same probability."""
 
     def __init__(self, *values: Any) -> None:
         if not values:
@@ -100,7 +100,7 @@ def _ends(given: Any, limits: tuple[float, float]) -> tuple[float, float] | None
 
 
 def number(rng: np.random.Generator, given: Any) -> float:
-    """One number of a Range."""
+    """Draws one number of a Range."""
     if callable(given):
         return float(given(rng))
     if np.ndim(given) == 0:
@@ -109,7 +109,7 @@ def number(rng: np.random.Generator, given: Any) -> float:
 
 
 def whole(rng: np.random.Generator, given: Any) -> int:
-    """One whole number of a Range, both ends of which count."""
+    """Draws one whole number of a Range, both ends included."""
     if callable(given):
         return int(given(rng))
     if np.ndim(given) == 0:

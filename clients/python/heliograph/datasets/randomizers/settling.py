@@ -111,7 +111,7 @@ class _World:
             "changeDynamics",
             body,
             -1,
-            # Of a contact it takes the product of what both bodies have.
+            # PyBullet multiplies both bodies' values for a contact: each gets the square root.
             lateralFriction=math.sqrt(self.contact.friction),
             restitution=math.sqrt(self.contact.restitution),
             rollingFriction=0.002,

@@ -57,7 +57,7 @@ def _beside(path: Path, names: Any) -> Any:
 
 
 def settings_text(scene: PaperScene) -> str:
-    """All settings as TOML: its numbers, texts and arrays are written as JSON's are."""
+    """Settings as TOML: numbers, texts and arrays are written as JSON's are."""
     lines = []
     for field in dataclasses.fields(scene):
         value = getattr(scene, field.name)

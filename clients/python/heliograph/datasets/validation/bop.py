@@ -71,7 +71,8 @@ _INFO = {
     "visib_fract": NUMBER,
 }
 _OBJECT = Kind("an object", lambda v: isinstance(v, dict))
-# By distance, what is just behind counts as visible. Neither a title nor a table of names says so.
+# Visibility by distance counts what is just behind as visible. A title or a table of names does not
+# say that it was used.
 _DELTA = re.compile(r"^(?![#|]).*\bdelta\b", re.MULTILINE)
 
 

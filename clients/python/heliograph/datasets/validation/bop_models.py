@@ -109,7 +109,7 @@ def _check_symmetries(path: Path, number: int, info: dict[str, Any], faults: Fau
 
 
 def _outermost(points: NdArray) -> NdArray:
-    """Those of many points that are farthest in one of 4096 directions (a Fibonacci sphere)."""
+    """Points that are farthest in one of 4096 directions (a Fibonacci sphere), of many points."""
     if len(points) <= _MANY:
         return points
     i = np.arange(4096) + 0.5

@@ -1,4 +1,5 @@
-"""Where the camera is in the other frame of a flow, by the flow itself. Used by frame_planes.py."""
+"""Pose of the camera in the other frame of a flow, from the flow itself. Used by
+frame_planes.py."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _folders(root: Path, path: Path) -> list[Path]:
-    """Where the pictures of a file of annotations/ may be: by the split in its name."""
+    """Folders that the pictures of a file of annotations/ may be in: by the split in its name."""
     split = path.stem.rpartition("_")[2] if "_" in path.stem else ""
     named = [root / "images" / split, root / split] if split else []
     return [*named, root / "images", root]
@@ -134,8 +134,8 @@ def check_images(
 
 
 class _Image:
-    """One image: its annotations one by one, and the pixels of their masks. A mask is looked at
-    by its runs alone, which are fewer than its pixels."""
+    """Check of one image: its annotations one by one, and the pixels of their masks. It reads masks
+    as runs, which are fewer than pixels."""
 
     def __init__(
         self, path: Path, image: dict[str, Any], categories: dict[int, Any], faults: Faults
@@ -283,7 +283,7 @@ class _Image:
 
 
 def _hint(box: list[float], expected: list[int]) -> str:
-    """What the mistake looks like."""
+    """Hint at the likely mistake in a box; "" for none."""
     x, y, w, h = expected
     if list(box) == [x, y, w - 1, h - 1]:
         return " (width and height count pixels: last - first + 1)"

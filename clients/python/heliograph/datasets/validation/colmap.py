@@ -103,7 +103,7 @@ def _check_ids(path: Path, what: str, ids: Counter[int], faults: Faults) -> None
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """Without comments."""
+    """Lines of a file, without comments. Malformed where it is not there."""
     if not path.is_file():
         raise Malformed(path, "is not there, and a model has it: write it, if need be empty")
     with open(path) as file:

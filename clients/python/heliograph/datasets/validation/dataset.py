@@ -1,4 +1,4 @@
-"""What generate() keeps about a data set in DIR/.heliograph, read as files."""
+"""Checks of DIR/.heliograph, where generate() keeps records of a data set, read as files."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def check_counts(own: Path, names: list[str], faults: Faults) -> None:
-    """How many of the images are there, and where all are, the format's files?"""
+    """Checks that all images are there, and, if they are, the format's files."""
     format_name = _format_of(own)
     made, described = _listed(own / "records"), _listed(own / "manifests")
     missing = [name for name in names if name not in made]
@@ -140,7 +140,7 @@ def _check_bytes(path: Path, told: str, faults: Faults) -> None:
 
 
 def check_decodings(blobs: Path, paths: list[Path], faults: Faults) -> None:
-    """What the daemon decoded for overlays: requests whose files are blobs."""
+    """Checks the kept requests of decodings: each file that they name is a blob."""
     for path in paths:
         try:
             request = service.DecodeAssetRequest.FromString(path.read_bytes())

@@ -46,7 +46,7 @@ def batches(rows: Iterable[Any], size: int) -> Iterator[list[Any]]:
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file holds."""
+    """Content of a JSON file. Malformed."""
     try:
         return json.loads(path.read_bytes())
     except FileNotFoundError:
@@ -56,7 +56,7 @@ def read_json(path: Path) -> Any:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """What a JSON file holds, which is an object."""
+    """Object in a JSON file. Malformed for anything else."""
     found = read_json(path)
     if not isinstance(found, dict):
         raise Malformed(path, f"holds a {type(found).__name__}: the format has an object {{...}}")
@@ -64,7 +64,7 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def wanted_count(root: Path) -> int | None:
-    """How many images the data set was to have, None where dataset.json does not say."""
+    """Number of images that the data set was to have; None where dataset.json does not say."""
     path = root / OWN / "dataset.json"
     if not path.is_file():
         return None
@@ -75,8 +75,8 @@ def wanted_count(root: Path) -> int | None:
 
 
 def read_yaml(path: Path) -> dict[Any, Any]:
-    """What a YAML file holds, which is a mapping. Aliases are refused: with them a few lines can
-    stand for gigabytes."""
+    """Mapping in a YAML file. Malformed. Aliases are refused: with them a few lines can stand for
+    gigabytes."""
     import yaml
 
     try:
@@ -191,7 +191,7 @@ class JsonRows:
 
 
 class Kind(NamedTuple):
-    """What a field may hold, in words and as a test."""
+    """Kind of a field's value, in words and as a test."""
 
     words: str
     holds: Callable[[Any], bool]
@@ -220,7 +220,7 @@ def numbers(count: int) -> Kind:
 
 
 def fields_of(row: Any, needed: Mapping[str, Kind]) -> str:
-    """What is wrong with the fields of an object: "" when nothing is."""
+    """Fault of the fields of an object; "" when there is none."""
     if not isinstance(row, dict):
         return f"is {row!r:.60}: needs an object with {', '.join(needed)}"
     for name, kind in needed.items():

@@ -52,7 +52,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _alone(root: Path, *endings: str) -> Iterator[Path]:
-    """Those that are of no data set of EXR frames."""
+    """Files that belong to no data set of EXR frames."""
     of_set = root / "exr" if (root / "labels").is_dir() else None
     return (path for path in files(root, *endings) if of_set not in path.parents)
 
