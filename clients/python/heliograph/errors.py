@@ -10,8 +10,8 @@ from typing import Any
 
 
 class FileWarning(UserWarning):
-    """What was assumed of a picture's file, or changed in it. `warnings.filterwarnings("error",
-    category=hg.FileWarning)` refuses such files."""
+    """Warning that something was assumed of a picture's file, or changed in it.
+    `warnings.filterwarnings("error", category=hg.FileWarning)` refuses such files."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
@@ -34,7 +34,7 @@ _OWN = ("heliograph", "nvisii")
 
 
 class HeliographError(Exception):
-    """Anything the daemon or the client refuses. The message names the remedy.
+    """Base of all errors of the daemon and the client. The message names the remedy.
 
     field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
     code: the gRPC code's name, e.g. "NOT_FOUND".
@@ -76,7 +76,7 @@ class HeliographError(Exception):
 
     @property
     def available(self) -> int:
-        """What is left of the limit."""
+        """Amount left of the limit, in its unit."""
         return self.allowed - self.used
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class DeadlineExceeded(HeliographError, TimeoutError):
 
 
 class NotFound(HeliographError, LookupError):
-    """No such object; `.nearest` lists the nearest names."""
+    """Names an object that does not exist; `.nearest` lists the nearest names."""
 
     code = "NOT_FOUND"
 
@@ -151,7 +151,7 @@ class OutOfRange(HeliographError):
 
 
 class Unimplemented(HeliographError, NotImplementedError):
-    """Not in this version; the message says what is missing."""
+    """Names a feature that this version lacks."""
 
     code = "UNIMPLEMENTED"
 

@@ -90,13 +90,13 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
         Finalize(self.scene, _delete, (copy(self.scene),))  # in this process alone
 
     def __len__(self) -> int:
-        """How many images this rank has. TypeError without a count."""
+        """Number of images of this rank. TypeError without a count."""
         if self.count is None:
             raise TypeError("Frames without count= have no length")
         return sum(1 for _ in self.indices())
 
     def indices(self, worker: int = 0, workers: int = 1) -> Iterator[int]:
-        """Of the images of one of this rank's workers, in order."""
+        """Yields the indices of the images of one of this rank's workers, in order."""
         count = self.count
         if count is not None and self.ranks > 1:
             count -= count % (self.block * self.ranks)
@@ -162,7 +162,7 @@ class _Source(Source):
             return index, self.draw(index // len(self.cameras)).edit
 
     def item(self, drawn: tuple[int, Any]) -> Any:
-        """What `item` makes of it."""
+        """Renders an image and returns the result of the `item` function."""
         index, edit = drawn
         draw, camera = divmod(index, len(self.cameras))
         with naming(index):

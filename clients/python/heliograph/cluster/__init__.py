@@ -89,9 +89,9 @@ def generate(
     The writer's directory is one that all machines see. Each worker loads the scene as it is now
     over a connection of its own: `connect` has the arguments of hg.connect(), default a private
     daemon. randomizer, accept and writer are pickled; handles in them serve there, too.
-    shard: how many images a worker is given at a time; a shard that is done is noted in
-    DIR/.heliograph/shards, and not looked at again by a later call. cores, gpus: what Ray reserves
-    for a worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
+    shard: number of images that a worker gets at a time; a shard that is done is noted in
+    DIR/.heliograph/shards, and skipped by a later call. cores, gpus: number that Ray reserves per
+    worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
     the images under way; the shard is given to another one, up to `tries` times. One that is lost
     `tries` times before it is ready ends the call, too: Unavailable with what Ray says.
     progress, resume, options: as of heliograph.datasets.generate.
@@ -114,12 +114,7 @@ def generate(
             with Bar(progress) as bar:
                 shown = _Shown(bar, count, todo)
                 made = team.make(todo, number, whole_of(tries, "tries", 1), shown)
-            run.begin()
-            if not run.finish():
-                raise FailedPrecondition(
-                    f"{run.writers[0].directory}: images of finished shards are missing; do "
-                    "machines that make them see the same directory?"
-                )
+            _finish(run)
     images = sum(each["images"] for each in made)
     used = [each["core_seconds"] for each in made]
     return Report(
@@ -131,6 +126,16 @@ def generate(
         core_seconds=None if None in used else sum(used),
         gpu_seconds=need["num_gpus"] * sum(each["seconds"] for each in made),
     )
+
+
+def _finish(run: Run) -> None:
+    """Writes the files that describe all images. FailedPrecondition where an image is missing."""
+    run.begin()
+    if not run.finish():
+        raise FailedPrecondition(
+            f"{run.writers[0].directory}: images of finished shards are missing; do "
+            "machines that make them see the same directory?"
+        )
 
 
 def _shards(count: int, width: int) -> list[Shard]:
@@ -159,7 +164,7 @@ class _Shown:
 
 
 class _Team:
-    """Actors, and which shard each of them has; while it starts, which attempt that is."""
+    """Actors, and the shard of each of them; while one starts, the number of its attempt."""
 
     def __init__(self, ray: Any, kind: Any, arguments: Sequence[Any]) -> None:
         self._ray, self._kind, self._arguments = ray, kind, arguments

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Image:
-    """What Writer.write gets. index: in the data set; frame: its hg.Frame with planes and labels;
-    split: "train", "val", ..., or ""; overlay: what was drawn, None: nothing."""
+    """Argument of Writer.write. index: in the data set; frame: its hg.Frame with planes and labels;
+    split: "train", "val", ..., or ""; overlay: the draw, None without one."""
 
     index: int
     frame: Frame
@@ -41,7 +41,7 @@ class Image:
 
 @dataclass(frozen=True)
 class Dataset:
-    """What Writer.begin gets. scene: as it is without randomizers; cameras: handles; count: of
+    """Argument of Writer.begin. scene: without the overlay of a draw; cameras: handles; count: of
     images; seed; splits: their names, () without any; categories: class id to name."""
 
     scene: Scene
@@ -57,7 +57,7 @@ class Dataset:
         return self.cameras[index % len(self.cameras)]
 
     def lens_of(self, image: Image) -> Camera:
-        """What it was, at its calibrated size, as the overlay left it."""
+        """Camera of an image, at its calibrated size, as the overlay left it."""
         handle = self.camera_of(image.index)
         edits = () if image.overlay is None else image.overlay.transaction.edits
         for edit in reversed(edits):
@@ -71,7 +71,7 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Picture:
-    """How the 8-bit sRGB picture of an image is made.
+    """Options for the 8-bit sRGB picture of an image.
 
     format: "png" or "jpg". exposure: stops, or "auto", for each picture its own. view: "standard",
     "filmic" or "agx". plane: "beauty", "denoised" or "sensor_rgb". quality: of "jpg", 1 to 95.
@@ -91,7 +91,7 @@ class Picture:
 
     @property
     def planes(self) -> tuple[str, ...]:
-        """What has to be rendered for it."""
+        """Planes to render for the picture."""
         return tuple(dict.fromkeys((self.plane, "beauty")))
 
     def pixels(self, frame: Frame) -> NdArray:
@@ -129,7 +129,7 @@ class Records:
                 yield index, kept["record"]
 
     def of_split(self, split: str) -> Records:
-        """Those of one split alone."""
+        """Records of one split alone."""
         return Records(self._folder, self._count, split)
 
 
@@ -152,7 +152,7 @@ class Writer(ABC):
 
     @property
     def picture_planes(self) -> tuple[str, ...]:
-        """What has to be rendered for the picture."""
+        """Planes to render for the picture; () without one."""
         return self.picture.planes if self.picture else ()
 
     @property
@@ -161,7 +161,7 @@ class Writer(ABC):
 
     @property
     def folder(self) -> Folder:
-        """What it keeps in DIR/.heliograph."""
+        """Folder DIR/.heliograph of the data set."""
         return self._folder
 
     @property
@@ -176,7 +176,7 @@ class Writer(ABC):
 
     @property
     def dataset(self) -> Dataset:
-        """What begin() got."""
+        """Data set given to begin()."""
         return self._dataset
 
     @abstractmethod

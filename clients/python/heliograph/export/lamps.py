@@ -1,4 +1,4 @@
-"""What lights give off, in radiance and candela. Used by the writers of files.
+"""Radiance and candela of lights. Used by the writers of files.
 
 As the daemon works it out from the units of docs/lights.md.
 """
@@ -89,8 +89,7 @@ def _lobe(x: NdArray, mean: float, below: float, above: float) -> NdArray:
 
 @dataclass(frozen=True)
 class Extent:
-    """What a radiance of 1 makes of a light in the world: flux [W], intensity along its axis
-    [W/sr]."""
+    """Flux [W] and intensity along the axis [W/sr] of a light in the world with radiance 1."""
 
     flux: float
     intensity: float
@@ -108,7 +107,7 @@ def mesh_extent(area: float, two_sided: bool) -> Extent:
 
 
 def shape_extent(lamp: Lamp, world: NdArray) -> Extent:
-    """Of a sphere, disc or rectangle under (4, 4) world_from_light."""
+    """Extent of a sphere, disc or rectangle under (4, 4) world_from_light."""
     flux_share, axis_share = _cone_integrals(lamp.message) if lamp.has_cone else (0.0, 0.0)
     if lamp.shape == "sphere":
         area = _ellipsoid_area(world[:3, :3] * lamp.size("radius"))

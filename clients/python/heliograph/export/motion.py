@@ -40,7 +40,7 @@ class Track:
 
     @property
     def is_sheared(self) -> bool:
-        """Whether translation, rotation and scale alone do not make it."""
+        """True if translation, rotation and scale alone do not make the motion."""
         off = self.stretches - self.scales[:, :, None] * np.eye(3)
         return bool(np.abs(off).max() > _SHEAR * np.abs(self.stretches).max())
 

@@ -35,7 +35,7 @@ class Row:
 
 
 class Drawing:
-    """What the layers share: the frame, the canvas, and the instances that were chosen."""
+    """State that the layers share: the frame, the canvas, and the chosen instances."""
 
     def __init__(self, frame: Frame, canvas: Canvas, only: Any, skeleton: Sequence[Any]) -> None:
         self.frame = frame

@@ -1,4 +1,4 @@
-"""What a notebook shows of frames and scenes. Called by their _repr_html_."""
+"""HTML of frames and scenes for notebooks. Called by their _repr_html_."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Tree:
             self.children.setdefault(found.parent, []).append(found)
 
     def text(self) -> str:
-        """One line each, indented."""
+        """Lists the objects, one per line, indented."""
         lines: list[str] = []
 
         def add(found: Any, depth: int) -> None:

@@ -69,14 +69,14 @@ class Options(TypedDict, total=False):
 
 
 def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:
-    """One request; its final frames in the order of the cameras."""
+    """Sends one request; returns its final frames in the order of the cameras."""
     return run(scene, make_request(scene, cameras, options), options)
 
 
 def render_worlds(
     scene: Scene, cameras: Sequence[Named], worlds: Worlds, mask: Any, options: Options
 ) -> WorldFrame:
-    """One request; its one frame."""
+    """Sends one request; returns its one frame."""
 
     def ask() -> WorldFrame:
         request = make_request(scene, cameras, options)
@@ -89,7 +89,7 @@ def render_worlds(
 
 
 def frame_count(request: render_pb.RenderRequest) -> int:
-    """How many frames answer it, each one final."""
+    """Number of final frames that answer a request."""
     return 1 if request.HasField("worlds") else len(request.cameras)
 
 
@@ -139,7 +139,7 @@ def _run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> li
 
 
 def _is_quick(request: render_pb.RenderRequest, options: Options) -> bool:
-    """Whether it is small, and nobody asks for what gRPC alone has: half planes travel as bytes."""
+    """True for a small request that needs nothing of gRPC alone: half planes travel as bytes."""
     if any(options.get(name) for name in ("on_start", "on_pass", "timeout", "half")):
         return False
     return request.ByteSize() < QUICK_BYTES

@@ -94,7 +94,7 @@ class Rendered:
             return torch.from_numpy(found)
 
     def cpu(self) -> Self:
-        """This frame on the host: a copy of what is on the GPU, else itself."""
+        """Copies a frame on the GPU to the host; returns a frame on the host itself."""
         if all(isinstance(array, np.ndarray) for array in self._planes.values()):
             return self
         arrays = [a.numpy() if isinstance(a, DeviceArray) else a for a in self._planes.values()]
@@ -162,7 +162,7 @@ class Rendered:
 
 
 class Frame(Rendered):
-    """One camera, one revision, one time: planes and labels of one job.
+    """Planes and labels of one camera at one revision and one time, from one job.
 
     frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it;
     frame.torch("depth"): the same as a tensor. Of a frame with device="cuda", whose planes are in

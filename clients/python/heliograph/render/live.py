@@ -87,7 +87,7 @@ class Live:
             self._outbox.put(service.StreamRequest(settings=self._settings()))
 
     def finish(self) -> None:
-        """No more updates: the iteration ends with the last frame of what was asked for."""
+        """Ends the iteration with the last frame of what was asked for; takes no more updates."""
         with self._lock:
             self._is_finished = True
             self._outbox.put(None)
@@ -112,7 +112,8 @@ class Live:
             self._is_refused = False
 
     def _next(self) -> Frame:
-        """Of a new stream after one that was refused for an upload, which was sent again."""
+        """Next frame, of a new stream where the last one was refused for an upload, which was sent
+        again."""
         with self._lock:
             if self._is_refused and not self._is_closed:
                 self._begin()

@@ -89,7 +89,7 @@ class Worlds:
 
     @property
     def sources(self) -> list[Sources]:
-        """What their overlays name by hash."""
+        """Uploads and decodings that the worlds' overlays name by hash."""
         return [overlay.sources for overlay in self._overlays.values()]
 
     def put(self, message: pb.Worlds, store: Store, mask: Any) -> Loan | None:
@@ -139,7 +139,8 @@ class WorldFrame(Rendered):
         return from_message(self._header.worlds.seeds)
 
     def frame(self, world: int, camera: int = 0) -> Frame:
-        """One picture: of a world, by its number, through a camera, by its place in `cameras`."""
+        """Frame of a world, by its number, through a camera, by its index in `cameras`.
+        KeyError."""
         rows = np.flatnonzero(self.worlds == world)
         if not rows.size or not 0 <= camera < len(self.cameras):
             raise KeyError(f"there is no picture of world {world} through camera {camera}")

@@ -18,8 +18,8 @@ _MESHES = {"mesh", "meshes", "assets"}
 
 
 class Files:
-    """What is read lies in the folder of the robot's file, in its package, or in one of
-    `packages`: folders by the names in package:// references."""
+    """Files of a robot: in the folder of the robot's file, in its package, or in one of `packages`:
+    folders by the names in package:// references."""
 
     def __init__(self, notes: Notes, packages: Mapping[str, str | os.PathLike[str]]) -> None:
         self.notes = notes

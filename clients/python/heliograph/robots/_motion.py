@@ -18,7 +18,7 @@ _TOLERANCE = 1e-6  # of limits: values may come as float32
 
 
 class Motion:
-    """How M joints move with C values, a joint's from column `first[name]` on; a mimic's follow.
+    """Motion of M joints under C values, a joint's from column `first[name]` on; a mimic's follow.
 
     Angles and lengths are values @ weights + offsets, (C, M) and (M,).
     soft: values may be beyond the limits.
@@ -72,7 +72,7 @@ class Motion:
         return sys.modules["torch"] if self._kind else np
 
     def on(self, values: Any) -> Motion:
-        """The same as tensors on the device of a tensor."""
+        """Motion as tensors on the device of `values`, where those are a tensor."""
         if not is_tensor(values):
             return self
         found = self._tensors.get(values.device)

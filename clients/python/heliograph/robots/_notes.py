@@ -1,4 +1,4 @@
-"""What is odd about a file of a robot: told, or refused. Used by urdf.py."""
+"""Faults in a robot's file: warnings, or errors where it is read strictly. Used by urdf.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a template of URDF left in a file. Used by urdf.py.
+"""Remains of a URDF template (xacro) in a file. Used by urdf.py.
 
 Source: the xacro documentation of ROS (wiki.ros.org/xacro).
 """

@@ -26,8 +26,8 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """What is to be seen of a link. shape: "box" (x, y, z), "cylinder" and "capsule" (radius,
-    length), "sphere" (radius,) or "mesh" (scale in x, y, z). origin: (4, 4) link_from_visual."""
+    """Visual of a link. shape: "box" (x, y, z), "cylinder" and "capsule" (radius, length), "sphere"
+    (radius,) or "mesh" (scale in x, y, z), metres. origin: (4, 4) link_from_visual."""
 
     shape: str
     size: tuple[float, ...]

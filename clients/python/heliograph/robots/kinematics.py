@@ -1,4 +1,4 @@
-"""Where the links of a robot are: joint values to matrices, for one set of values or many at once.
+"""Forward kinematics: joint values to the poses of links, for one set of values or many at once.
 Used by robots.py.
 
 Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML/joint, version 1.0).
@@ -137,7 +137,7 @@ class Kinematics:
         ).copy()
 
     def _of_tensor(self, given: Any, clamp: bool) -> Any:
-        """What is wrong with one is told of its copy on the host."""
+        """Reads a tensor of values. A faulty one raises the error of its copy on the host."""
         motion = self._motion.on(given)
         out = motion.constant(given.detach()).clone()
         low, high, below, above = motion.bounds
@@ -215,7 +215,8 @@ class Kinematics:
             )
 
     def moved_by(self, names: Sequence[str]) -> list[int]:
-        """Which of the moving joints columns or joints of these names move; mimics follow."""
+        """Indices of the moving joints that columns or joints of these names move; mimics follow.
+        InvalidArgument for some columns of a joint with several."""
         columns = [c for name in names for c in self._columns_of(name)]
         hit = self._motion.follows(columns)
         for i, joint in enumerate(self.moving):

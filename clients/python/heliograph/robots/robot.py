@@ -63,12 +63,12 @@ class Robot:
 
     @property
     def link_names(self) -> list[str]:
-        """Of the L links, parents first."""
+        """Names of the L links, parents first."""
         return list(self.kinematics.link_names)
 
     @property
     def joint_names(self) -> list[str]:
-        """Of the C columns of an array of values; see kinematics.Kinematics."""
+        """Names of the C columns of an array of values; see kinematics.Kinematics."""
         return list(self.kinematics.joint_names)
 
     @property

@@ -25,7 +25,7 @@ _EDIT = re.compile(r"edits\[(\d+)\]")
 
 
 class Last:
-    """What the last dome() of a session made in a scene."""
+    """Texture that the last dome() of a session made in a scene."""
 
     def __init__(self) -> None:
         self.name = ""  # of the texture; "": not known, or none

@@ -31,7 +31,7 @@ _ROUNDS = 64  # of naming missing companions
 
 
 class Placement(TypedDict, total=False):
-    """Where a copy of an asset goes."""
+    """Options for placing a copy of an asset."""
 
     transform: Any  #: 4x4 or Pose, relative to the parent
     parent: Named | None  #: whose frame the pose is in
@@ -44,7 +44,7 @@ class Placement(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Source:
-    """What to decode."""
+    """Asset to decode: a file here or on the server, and how to read it."""
 
     path: str | os.PathLike[str] | None
     server_path: str = ""
@@ -88,7 +88,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Decoding:
-    """What the daemon decoded, and where its files are, by their names in the request."""
+    """Decoding by the daemon: its request, and the paths of its files by their names in it."""
 
     request: service.DecodeAssetRequest
     paths: dict[str, Path] = field(default_factory=dict)
@@ -144,7 +144,7 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
 
 
 def _companion(source: Source, name: str) -> Path | None:
-    """Where a companion is; None: it is not there, or may not be read."""
+    """Path of a companion file; None: it is missing, or may not be read. NotFound if strict."""
     if source.path is not None:
         found = companions.find(Path(source.path).parent, name, source.folders)
         if found is not None:
@@ -201,7 +201,7 @@ def _answer(
 
 
 def _digest(info: service.AssetInfo) -> bytes:
-    """What edits name it by: a picture by its texels."""
+    """Hash by which edits name the asset: a picture's is that of its texels."""
     return info.texels.blob if info.HasField("texels") else info.sha256
 
 

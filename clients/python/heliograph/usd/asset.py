@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Library:
-    """What the placements of one stage share."""
+    """State that the placements of one stage share."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
     alike: dict[bytes, str] = field(default_factory=dict)  # by what it is made of, the first mesh

@@ -1,4 +1,4 @@
-"""What the readers of a stage share: its time, what is asked of it, what is noted. Needs pxr."""
+"""Context of the readers of a stage: its time, its options, its notes. Needs pxr."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FRAMES = 100_000  # whole codes between the samples of one prim that become key
 
 @dataclass
 class Context:
-    """One reading of one stage."""
+    """Context of one reading of one stage."""
 
     stage: Any
     options: Options
@@ -41,7 +41,7 @@ class Context:
         self.model.notes.add(prim, text)
 
     def value(self, attribute: Any) -> Any:
-        """Of an attribute, at the time of what does not move; None: it has none."""
+        """Value of an attribute at the time of what stands still; None without one."""
         return attribute.Get(self.time) if attribute else None
 
     def number(self, attribute: Any, default: float = 0.0) -> float:

@@ -65,8 +65,8 @@ def _plane(size: _Size, along: tuple[str, str] = ("width", "length")) -> Geometr
 
 
 def _revolved(rows: list[tuple[float, float, float, float]]) -> Geometry:
-    """Of rows (radius, z, and the normal's share outwards and upwards), from the bottom up; two
-    rows in one place make a sharp edge."""
+    """Surface of revolution from rows (radius, z, and the normal's share outwards and upwards),
+    from the bottom up; two rows in one place make a sharp edge."""
     around = np.linspace(0, 2 * math.pi, _SEGMENTS + 1)
     ring = np.stack([np.cos(around), np.sin(around)], axis=-1)
     table = np.array(rows)

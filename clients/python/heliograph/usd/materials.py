@@ -105,7 +105,7 @@ class _Preview:
         return default
 
     def _fallback(self, found: Output, default: Any) -> Any:
-        """What a texture gives that cannot be read."""
+        """Value that stands for a texture that cannot be read."""
         value = constant(self.context, found.shader, "fallback", None)
         if value is None:
             return default

@@ -1,4 +1,4 @@
-"""What a USD stage holds, in this project's terms: metres and +Z up from the root on. Made by
+"""Model of a USD stage in this project's terms: metres and +Z up from the root on. Made by
 stage.read(), put into scenes by build.Builder. Knows nothing of pxr."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Pose = Union[NdArray, Mapping[float, NdArray]]  # (4, 4), or keys {seconds: (4, 
 
 
 class Notes:
-    """What is left out or taken to be otherwise: one text, many prims."""
+    """Notes on what is left out or assumed: one text, many prims."""
 
     def __init__(self) -> None:
         self._prims: dict[str, dict[str, None]] = {}
@@ -126,7 +126,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Options:
-    """Of import_usd()."""
+    """Options of import_usd()."""
 
     variants: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     payloads: bool = True

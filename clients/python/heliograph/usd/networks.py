@@ -69,7 +69,8 @@ class Textures:
         self.look = look
 
     def sampled(self, output: Output, linear: bool = False) -> Sampled | None:
-        """What a UsdUVTexture gives; None: nothing, its fallback is to be used (noted)."""
+        """Texture lookup of a UsdUVTexture; None: no texture, so its fallback is to be used
+        (noted)."""
         shader = output.shader
         file = fed(self.context, shader, "file")
         image = None

@@ -77,7 +77,7 @@ def _flattened(polygon: NdArray) -> NdArray:
 
 
 def _is_ear(flat: NdArray, left: list[int], i: int) -> bool:
-    """Whether the triangle at a corner is within the polygon, and no other corner in it."""
+    """True if the triangle at a corner is within the polygon, and no other corner in it."""
     a, b, c = flat[left[i - 1]], flat[left[i]], flat[left[(i + 1) % len(left)]]
     if _side(a, b, c) <= 0:
         return False

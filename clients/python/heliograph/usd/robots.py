@@ -45,7 +45,7 @@ class RobotBuilder(Builder):
 
 
 def components_of(given: Mapping[str, Any], found: Articulation, above: Entity) -> dict[str, Any]:
-    """Of a robot's root: where it is, and what the call or the stage says of its instance."""
+    """Components of a robot's root: its pose, and its instance as the call or the stage has it."""
     own = {n: given[n] for n in ("label", "category", "group", "attributes") if n in given}
     if found.category:
         own.update(category=found.category, label="auto")

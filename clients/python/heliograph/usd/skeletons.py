@@ -94,7 +94,7 @@ class _Skins:
         return nodes
 
     def _poses(self, skeleton: Any) -> list[Any]:
-        """Of each joint in the one above it, or keys."""
+        """Pose of each joint in the one above it, or its keys by time."""
         animation = skeleton.GetAnimQuery()
         samples = animation.GetJointTransformTimeSamples() if animation else []
         codes = self.context.codes(samples or [], steps=False)

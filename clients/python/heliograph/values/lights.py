@@ -99,7 +99,8 @@ class Light:
 
     @classmethod
     def from_message(cls, message: scene.Light, handle: Callable[[types.Ref], Any]) -> Light:
-        """As the daemon has it. handle: of the object that a Ref names; None for none."""
+        """Light of the daemon's message. handle: gives the object that a Ref names; None for
+        none."""
         name = scene.Light.Unit.Name(message.unit or 1)[len("UNIT_") :].lower()
         color = message.color
         sizes = {

@@ -68,11 +68,11 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where the page is; it contains the token."""
+        """URL of the page; it contains the token."""
         return f"http://127.0.0.1:{self._server.server_port}/{self.token}/"
 
     def wait(self) -> None:
-        """Until Ctrl-C."""
+        """Waits until Ctrl-C."""
         while self._thread.is_alive():
             self._thread.join(timeout=1.0)
 
@@ -161,7 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
         return cast(_Server, self.server).viewer
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: paths contain the token."""
+        """Logs nothing: paths contain the token."""
 
     def do_GET(self) -> None:
         self._answer({"": self._page, "scene": self._scene, "picture": self._picture,
@@ -172,7 +172,8 @@ class _Handler(BaseHTTPRequestHandler):
                       "close": self._close})  # fmt: skip
 
     def _answer(self, routes: dict[str, Any]) -> None:
-        """Who may not ask is told nothing, not even whether the path is one."""
+        """Answers a request. Without the token the reply is the same for every path, so that it
+        tells nothing."""
         length = self.headers.get("Content-Length", "0")
         self._body = b""
         if not length.isdigit() or int(length) > _MOST_BYTES:

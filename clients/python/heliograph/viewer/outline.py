@@ -1,4 +1,4 @@
-"""What the page's panels say of a scene: its tree, its cameras, where to begin, one object."""
+"""Panels of the page: the scene's tree, its cameras, a first view, one object."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_READ = 5_000
 
 
 def of_scene(scene: Scene, camera: str) -> dict[str, Any]:
-    """Everything the page begins with. Ids are texts: JavaScript's numbers have 53 bits."""
+    """Data that the page begins with. Ids are texts: JavaScript's numbers have 53 bits."""
     info = scene.describe(tree=True)
     objects = [
         [str(o.id), kind_of(o.id), o.name, str(o.parent), o.uses]

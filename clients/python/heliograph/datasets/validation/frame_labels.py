@@ -33,9 +33,9 @@ _BITS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) * 2.0 - 1
 
 
 class Shot:
-    """What there is once an image. content: width, height, K, camera_from_world_cv, by rows;
-    projection and distortion, where they are there. report, leave: take a fault, and a check that
-    cannot be made."""
+    """Labels of one image. content: width, height, K, camera_from_world_cv, by rows; projection and
+    distortion, where they are there. report, leave: take a fault, and a check that cannot be
+    made."""
 
     def __init__(self, content: dict[str, Any], report: Report, leave: Report) -> None:
         self.report, self.leave = report, leave
@@ -55,7 +55,7 @@ class Shot:
             report("camera", f"K is {self.K.tolist()}: needs positive focal lengths")
 
     def learn_lens(self, points: NdArray, pixels: NdArray, within: float) -> Lens:
-        """Of points (N, 3) seen at pixels (N, 2). Once it is known it stays."""
+        """Lens that shows points (N, 3) at pixels (N, 2). Once found it stays."""
         if self.lens is None:
             self.lens = lens_of(self.named, self.K, points, (pixels, within))
             if self.lens.kind == "other":
@@ -70,7 +70,7 @@ class Shot:
         return self.lens
 
     def may_see(self, points: NdArray, beyond: float = 0.0) -> NdArray:
-        """As Lens.sees."""
+        """True per point (N,) that the lens may show, as Lens.sees."""
         return (self.lens or self.named or Lens("perspective", self.K)).sees(points, beyond)
 
     def _other_lens(self) -> None:

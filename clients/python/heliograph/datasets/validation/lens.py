@@ -1,5 +1,5 @@
-"""Whether pixels are where K and the lens say: and of what lens they are otherwise. Used for saved
-frames."""
+"""Lens that fits pixels: checks K and the lens, and finds another one where they do not fit. Used
+for saved frames."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def extent(mask: NdArray) -> tuple[int, int, int, int]:
 
 
 def polygon_area(points: NdArray) -> float:
-    """Of (N, 2) vertices in order (the shoelace formula)."""
+    """Area of a polygon of (N, 2) vertices in order (the shoelace formula)."""
     x, y = points[:, 0], points[:, 1]
     return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
 

@@ -94,7 +94,7 @@ def _pose(path: Path, i: int, frame: dict[str, Any], faults: Faults) -> NdArray 
 
 
 def _check_convention(path: Path, poses: list[NdArray], faults: Faults) -> None:
-    """Where the optical axes of all cameras come nearest to each other is before the cameras."""
+    """Checks that the point nearest to the optical axes of all cameras is before the cameras."""
     if len(poses) < 3:
         return
     origins = np.stack([pose[:3, 3] for pose in poses])

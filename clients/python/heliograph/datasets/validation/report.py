@@ -1,4 +1,4 @@
-"""What a validation found: Fault, Report, and Faults, which gathers them for one format."""
+"""Results of a validation: Fault, Report, and Faults, which gathers them for one format."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ class LeftOut(NamedTuple):
 
 @dataclass
 class Report:
-    """What validate() returns.
+    """Result of validate().
+
+    formats: recognised, or asked for. faults: at most `limit` per check, in a fixed order. counts:
+    check to the number of all its faults. checked: format to the number of pieces (images, scenes,
+    shards or files) looked at. left_out: checks that could not be made, and why.
 
     formats: those that were recognised or asked for. faults: at most `limit` a check, in a fixed
     order. counts: check to the number of all its faults. checked: format to the number of pieces
@@ -44,7 +48,7 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Nothing is wrong."""
+        """True without a fault."""
         return not self.counts
 
     def __str__(self) -> str:
@@ -61,7 +65,7 @@ class Report:
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Everything, as JSON has it."""
+        """Report as an object of JSON."""
         return {
             "directory": self.directory,
             "ok": self.ok,
@@ -92,7 +96,7 @@ class Faults:
 
     @property
     def left_out(self) -> list[LeftOut]:
-        """What leave() was told."""
+        """Checks passed to leave(), with their numbers."""
         return [LeftOut(*each, count) for each, count in sorted(self.left.items())]
 
     def leave(self, check: str, reason: str) -> None:

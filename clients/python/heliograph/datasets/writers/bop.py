@@ -118,7 +118,7 @@ class Bop(Writer):
         return record
 
     def _remove_masks(self, folder: str, record: dict[str, Any]) -> None:
-        """Those that an earlier image of this number had beyond this one's."""
+        """Removes masks that an earlier image of this number had beyond this one's."""
         for kind in ("mask", "mask_visib"):
             for k in count(len(record["gt"])):
                 mask = self.directory / folder / kind / f"{record['image']:06d}_{k:06d}.png"

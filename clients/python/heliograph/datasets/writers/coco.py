@@ -137,8 +137,8 @@ class Coco(Writer):
 
 
 def annotations_of(image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
-    """One for each visible instance with a category, without its id and image_id. crowds: their
-    labels."""
+    """Annotation of each visible instance with a category, without its id and image_id. crowds:
+    labels of the crowds."""
     labels, frame = image.frame.labels, image.frame
     runs = rle.runs_of_ids(frame["instance"])
     for row in np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0)):
@@ -214,7 +214,7 @@ def image_of(index: int, record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbered(records: Records) -> Iterator[dict[str, Any]]:
-    """All annotations with their ids, from 1: an id of 0 is no detection to pycocotools."""
+    """Annotations with their ids, from 1: an id of 0 is no detection to pycocotools."""
     number = 0
     for index, record in records:
         for annotation in record["annotations"]:

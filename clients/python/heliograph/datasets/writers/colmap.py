@@ -82,7 +82,8 @@ class Colmap(Writer):
         }
 
     def _seen(self, image: Image, camera: Camera) -> tuple[NdArray, NdArray]:
-        """Which points an image sees (N,), and where (N, 2), COLMAP's image coordinates."""
+        """Points that an image sees: mask (N,), and places (N, 2) in COLMAP's image coordinates.
+        InvalidArgument where a draw moved one."""
         frame = image.frame
         with drawn(self.dataset.scene, image) as scene:
             seen_by = self.dataset.camera_of(image.index)
@@ -149,7 +150,7 @@ class _Points:
         return " ".join(f"{x[row]!r} {y[row]!r} {ids[row]}" for row in self._kept(record))
 
     def lines(self) -> list[str]:
-        """Of points3D.txt. The error is 0: nothing was estimated."""
+        """Lines of points3D.txt. The error is 0: nothing was estimated."""
         out = []
         for point in sorted(self._tracks):
             place = " ".join(repr(float(v)) for v in self._positions[point])

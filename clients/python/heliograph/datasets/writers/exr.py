@@ -54,7 +54,7 @@ class Exr(Writer):
 
 
 def labels_of(dataset: Dataset, image: Image) -> dict[str, Any]:
-    """All that is known about an image but its pixels."""
+    """Labels of an image: camera, instances, and keypoints where there are some."""
     out = {**rows.picture_of(dataset, image), "instances": rows.instances_of(image)}
     if "keypoint_name" in image.frame.labels:
         out["keypoints"] = rows.keypoints_of(image)

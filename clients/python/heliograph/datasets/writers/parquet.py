@@ -84,7 +84,7 @@ def _chunks(every: Iterator[Any]) -> Iterator[list[Any]]:
 
 
 def _types_of(labels: Mapping[str, Any]) -> dict[str, Any]:
-    """Of each label column "str", or its dtype and how many numbers a row has."""
+    """Type of each label column: "str", or its dtype and how many numbers a row has."""
     return {
         name: "str" if isinstance(column, list) else [column.dtype.str, *_width(column)]
         for name, column in ((name, labels[name]) for name in labels)

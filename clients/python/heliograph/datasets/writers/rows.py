@@ -17,7 +17,7 @@ _KEYPOINT = "keypoint_"
 
 
 def picture_of(dataset: Dataset, image: Image) -> dict[str, Any]:
-    """What there is once an image: number, size, time, camera, its lens and its pose."""
+    """Values of one image: number, size, time, camera, its lens and its pose."""
     frame = image.frame
     lens = dataset.lens_of(image)
     return {
@@ -57,7 +57,7 @@ def keypoints_of(image: Image, flat: bool = False) -> list[dict[str, Any]]:
 
 
 def is_of_instances(name: str) -> bool:
-    """Whether a label column has a row an instance, and is no mask."""
+    """True if a label column has one row per instance, and is no mask."""
     return name != _MASKS and not name.startswith(_KEYPOINT)
 
 

@@ -89,7 +89,8 @@ class Symmetries:
 
 
 def symmetries_of(scene: Scene, instance: Instance, shape: Sequence[Part]) -> Symmetries:
-    """Those of its mesh. Of several meshes none's symmetry is the whole's."""
+    """Symmetries of an instance's mesh; none for several meshes, as none's symmetry is the
+    whole's."""
     matrices: list[NdArray] = []
     axes: list[Axis] = []
     for part in shape if len(shape) == 1 else ():
@@ -129,5 +130,5 @@ def _check_rotation(motion: NdArray, instance: Instance) -> None:
 
 
 def _plain(values: NdArray) -> list[float]:
-    """For JSON; what rounding left of 0 is 0."""
+    """Numbers for JSON, rounded to 9 digits; -0 is 0."""
     return [float(v) for v in np.round(values, 9) + 0.0]

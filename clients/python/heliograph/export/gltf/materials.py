@@ -56,7 +56,7 @@ class Materials:
 
 
 class _Writer:
-    """One material as it grows."""
+    """Writer of one material."""
 
     def __init__(self, materials: Materials, look: Look) -> None:
         self.world = materials.world

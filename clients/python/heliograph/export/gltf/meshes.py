@@ -16,7 +16,7 @@ _SMALL = 0xFFFF  # vertices that 16 bits tell apart, but for the last one, which
 
 @dataclass(frozen=True)
 class Arrays:
-    """What the primitives of a mesh share, as indices of accessors."""
+    """Accessors that the primitives of a mesh share, as indices."""
 
     attributes: dict[str, int]
     targets: list[dict[str, int]]

@@ -199,7 +199,7 @@ def _rigid(track: Track, time: float) -> NdArray:
 
 
 def _trs(matrix: NdArray) -> dict[str, Any]:
-    """What of translation, rotation and scale is not the default."""
+    """Translation, rotation and scale of a pose, without those that are the default."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         scale = -scale
@@ -214,7 +214,7 @@ def _trs(matrix: NdArray) -> dict[str, Any]:
 
 
 def _extras(message: pb.Entity) -> dict[str, Any]:
-    """What labels say, for programs that keep it."""
+    """Extras of a node: what labels say, for programs that keep it."""
     label = message.label
     found: dict[str, Any] = {}
     if label.category:

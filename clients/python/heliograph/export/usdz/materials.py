@@ -85,7 +85,7 @@ class Materials:
 
 
 class _Writer:
-    """One material as it grows."""
+    """Writer of one material."""
 
     def __init__(self, materials: Materials, look: Look, path: str, colored: bool) -> None:
         self.materials = materials

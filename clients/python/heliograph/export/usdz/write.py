@@ -125,7 +125,7 @@ class _Writer:
         return [key_of(ref) for ref in entity.message.materials.parts] or [None]
 
     def _shape_key(self, entity: Entity) -> Any:
-        """What entities share that show the same; None: nobody else shows it."""
+        """Key that entities share if they show the same; None: no other entity shows it."""
         if entity.message.HasField("skin") or len(self._geometry(entity).morphs):
             return None
         bound = tuple(self._bound(entity))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-# By face: the axis and its sign, and rows that give s and t of a direction.
+# Axis and sign of each face, and rows that give s and t of a direction.
 _S = np.array([[0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0], [1, 0, 0], [-1, 0, 0]], "f8")
 _T = np.array([[0, -1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, -1, 0], [0, -1, 0]], "f8")
 

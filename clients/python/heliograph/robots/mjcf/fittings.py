@@ -36,7 +36,8 @@ def put(builder: MjcfBuilder, groups: Sequence[int]) -> None:
 
 
 def _put_tendon(builder: MjcfBuilder, number: int, name: str) -> None:
-    """Each point of a tendon goes with its body, so that straight pieces follow the joints."""
+    """Puts a tendon, each point of which goes with its body, so that straight pieces follow the
+    joints."""
     model, data = builder.source.model, builder.source.data
     points, bodies, is_wrapped = _path(model, data, number)
     if not len(points):
@@ -70,7 +71,7 @@ def _path(model: Any, data: Any, number: int) -> tuple[NdArray, NdArray, bool]:
 
 
 def _bodies(model: Any, number: int, objects: NdArray) -> NdArray:
-    """Of the points of a tendon: a geom's, or that of the next site; -1 behind a pulley."""
+    """Body of each point of a tendon: a geom's, or that of the next site; -1 behind a pulley."""
     kinds = mujoco().mjtWrap
     first = int(model.tendon_adr[number])
     path = range(first, first + int(model.tendon_num[number]))

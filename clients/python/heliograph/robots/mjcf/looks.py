@@ -60,7 +60,7 @@ def texture_of(model: Any, look: Look, role: str = "RGB") -> int:
 
 
 def is_flat(model: Any, texture: int) -> bool:
-    """Whether it is one picture, no cube of six."""
+    """True for one picture, False for a cube of six."""
     return bool(model.tex_type[texture] == mujoco().mjtTexture.mjTEXTURE_2D)
 
 
@@ -146,7 +146,7 @@ class Looks:
         self._put_further(edits, out, look)
 
     def _put_further(self, edits: Edits, out: dict[str, Any], look: Look) -> None:
-        """Those of MuJoCo's layers."""
+        """Adds the textures of MuJoCo's layers: roughness, metallic and the like."""
         if not hasattr(mujoco(), "mjtTextureRole"):
             return
         model = self.source.model

@@ -45,7 +45,7 @@ def _kind(kind: str) -> Any:
 
 
 def compiled(source: Any) -> Compiled:
-    """Of a file's path, an MjModel or an MjSpec."""
+    """Compiles a file's path, an MjModel or an MjSpec. InvalidArgument."""
     lib = mujoco()
     name, model = "", source
     if isinstance(source, (str, os.PathLike)):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Shared:
-    """What all copies of one file share."""
+    """State that all copies of one file share."""
 
     source: Compiled
     looks: Looks
