@@ -29,7 +29,7 @@ def writer_of(job, name, out):
 
 
 def processor_seconds():
-    """Of this process and the daemons that it has ended."""
+    """CPU seconds of this process and the daemons that it has ended."""
     own, children = (
         resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )

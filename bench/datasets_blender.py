@@ -138,8 +138,8 @@ class Blender:
         render.engine = "CYCLES"
         cycles.device, cycles.samples = "CPU", spp
         cycles.use_adaptive_sampling = cycles.use_denoising = False
-        # As in bench/peers: the same paths as ours of 7 edges, whatever their kinds, and nothing
-        # that biases the picture or that we do not have.
+        # Takes the same paths of 7 edges as ours, whatever their kinds, as bench/peers does, and
+        # nothing that biases the picture or that we do not have.
         for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
             setattr(cycles, f"{kind}_bounces", EDGES - 2)
         cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0

@@ -15,7 +15,7 @@ FRAMES, SPP, ROUNDS = 32, 16, 3
 
 
 def seconds(scene):
-    """For the batch, and its first pictures."""
+    """Time of the batch, seconds, and its first pictures."""
     jobs = [hg.Job("camera", seed=i, spp=SPP, max_depth=8, tag=i) for i in range(FRAMES)]
     start, kept = time.perf_counter(), {}
     for result in scene.render_batch(jobs, credits=16):

@@ -29,7 +29,7 @@ def poses(count, seed):
 
 
 def differing(scene, balls, size):
-    """Of 300 worlds, those among a few whose planes are not a single render's."""
+    """Number of planes, in a few of 300 worlds, that differ from a single render's."""
     worlds, matrices = hg.Worlds(300), poses(300, 7)
     worlds.set_transforms(balls, torch.from_numpy(matrices).cuda())
     options = {"planes": PLANES, "spp": 2, "size": (size, size), "labels": False}

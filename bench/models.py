@@ -114,7 +114,7 @@ class Reader:
 
 
 def forward(process, lines):
-    """What a process says, then "": it has ended."""
+    """Passes on the lines of a process, then "": it has ended."""
     for line in process.stdout:
         lines.put(line)
     lines.put("")

@@ -85,7 +85,7 @@ def picture_of(frame: hg.Frame, plane: str) -> np.ndarray:
 
 
 def contact_sheet(scene: hg.Scene, path: Path, size: int = 300, columns: int = 4) -> None:
-    """All PLANES of one frame, in which the helmet turns by four degrees in 33 ms."""
+    """Renders all PLANES of one frame, in which the helmet turns by four degrees in 33 ms."""
     with scene.edit() as edit:
         edit.advance(1 / 30)
         edit.update("helmet", transform=turned(math.radians(4)))
@@ -106,7 +106,7 @@ def add_props(edit: hg.Edits) -> None:
 
 
 def randomise(edit: hg.Edits, rng: np.random.Generator) -> None:
-    """Where things lie, what they are made of, where the light comes from, where we stand."""
+    """Draws poses, materials, the light's direction and the camera's pose."""
     edit.update("helmet", transform=turned(rng.uniform(-0.6, 0.6)))
     start = rng.uniform(0, 2 * math.pi)
     for i, kind in enumerate(PROPS):

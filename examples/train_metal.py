@@ -102,8 +102,8 @@ class Shuffle:
 
 
 def item(image: hd.Image) -> dict[str, torch.Tensor]:
-    """Both pictures of a draw, "box" (x0, y0, x1, y1) in pixels, and "axis": the can's, from its
-    bottom to its top, seen by a camera that looks at it."""
+    """Sample of a draw: both pictures, "box" (x0, y0, x1, y1) in pixels, and "axis": the can's,
+    from its bottom to its top, seen by a camera that looks at it."""
     frame = image.frame
     normal, beauty = frame["normal"], frame["beauty"][..., :3]
     to_light = np.array([-0.5, -0.6, 0.62])
@@ -151,7 +151,8 @@ def layers(channels: int, *outputs: int) -> nn.Sequential:
 
 
 class Detector(nn.Module):
-    """For each of CELLS x CELLS cells: a score, and a box's distances to the cell's centre."""
+    """Network that gives, for each of CELLS x CELLS cells, a score and a box's distances to the
+    cell's centre."""
 
     def __init__(self) -> None:
         super().__init__()

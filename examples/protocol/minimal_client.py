@@ -39,7 +39,7 @@ class SecondSocket:
         self.maps, self.changed, self.on = {}, threading.Condition(), False
 
     def start(self):
-        """After OpenSession: this client maps buffers."""
+        """Tells the daemon, after OpenSession, that this client maps buffers."""
         threading.Thread(target=self.listen, daemon=True).start()
         self.send(0, 0)
         with self.changed:

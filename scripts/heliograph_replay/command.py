@@ -51,7 +51,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _flags(recording: Recording, arguments: argparse.Namespace, folder: str) -> list[str]:
-    """Of a private daemon like the one that recorded."""
+    """Flags of a private daemon like the one that recorded."""
     if arguments.address is not None:
         return []
     flags = [f"--limit={name}={value}" for name, value in recording.header.limits.items()]

@@ -18,7 +18,7 @@ namespace wire {
 class Session;
 }
 
-/// Whether durable scenes take edits.
+/// State of the journal: kWriting if durable scenes take edits.
 enum class Journal : int {
   kUnknown = 0,
   kNone = 1,      // there is no --state-dir, so there are none
@@ -58,7 +58,7 @@ class Client {
   /// A new scene from a file that Scene::save, of any client, wrote.
   Scene load_scene(const std::string& path, const std::string& name = "",
                    Lifetime lifetime = Lifetime::kSession);
-  /// Every scene that this client may open.
+  /// Lists every scene that this client may open.
   std::vector<Scene> scenes();
   [[nodiscard]] ServerInfo info() const;
 

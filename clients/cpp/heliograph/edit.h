@@ -25,14 +25,14 @@ struct PendingEdit;
 class Session;
 }  // namespace wire
 
-/// How an edit treats its name.
+/// Treatment of the name of an edit.
 enum class Mode : int {
   kUpsert = 0,  // change it, or create it when the name is new
   kCreate = 1,  // kAlreadyExists when the name is taken
   kUpdate = 2,  // kNotFound, with the nearest names, when it is not there
 };
 
-/// How a file is decoded.
+/// Options for decoding a file.
 struct ImportOptions {
   std::string name{};         // of the asset; default: the file's stem
   int count = 1;              // roots are called `name`, or "<name>/0" .. for a count above 1
@@ -45,7 +45,7 @@ struct ImportOptions {
   bool strict = false;                 // refuse a model whose companions are not all there
 };
 
-/// Where a copy of an asset goes.
+/// Options for placing a copy of an asset.
 struct Placement {
   std::optional<Pose> transform{};
   std::optional<Ref> parent{};

@@ -61,7 +61,7 @@ class ClientError : public std::runtime_error {
   [[nodiscard]] const std::string& reason() const noexcept { return details_.reason; }
   [[nodiscard]] const ErrorDetails& details() const noexcept { return details_; }
 
-  /// What to do about it: the message from its first semicolon on, or all of it without one.
+  /// Remedy: the message from its first semicolon on, or all of it without one.
   [[nodiscard]] std::string remedy() const;
 
  private:

@@ -63,7 +63,8 @@ class Material : public Handle {
   static constexpr Kind kKind = Kind::kMaterial;
   using Handle::Handle;
 
-  /// Every number by its name, grey colours too; one that a texture drives gives its factor.
+  /// Maps each numeric parameter to its value, grey as a colour; one that a texture drives gives
+  /// its factor.
   [[nodiscard]] std::map<std::string, Color> parameters() const;
 };
 
@@ -98,7 +99,7 @@ class Asset {
   [[nodiscard]] Group roots() const;     // one a placement
   [[nodiscard]] Group entities() const;  // of the first placement, its root first
   [[nodiscard]] Group cameras() const;   // those of them that have a camera
-  /// By the names in the file; kNotFound lists them.
+  /// Finds an object by its name in the file; kNotFound lists the names.
   [[nodiscard]] Mesh mesh(const std::string& name) const;
   [[nodiscard]] Material material(const std::string& name) const;
   [[nodiscard]] Texture texture(const std::string& name) const;

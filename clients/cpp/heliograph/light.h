@@ -57,7 +57,7 @@ struct Portal {
   double height = 1;
 };
 
-/// Which rays meet an entity's surface.
+/// Visibility of an entity's surface, by kind of ray.
 struct Visibility {
   bool camera = true;
   bool diffuse = true;

@@ -50,8 +50,8 @@ class OnePass {
   std::optional<Item> item_{};
 };
 
-/// One item of Scene::render_batch. Of its options, progress, on_pass, timeout and cancellation are
-/// of the whole batch and refused here.
+/// Item of Scene::render_batch. Of its options, progress, on_pass, timeout and cancellation belong
+/// to the whole batch and are refused here.
 struct Job {
   std::vector<Ref> cameras;
   RenderOptions options{};
@@ -64,7 +64,7 @@ struct BatchOptions {
   std::optional<Cancellation> cancellation{};
 };
 
-/// What became of a Job: its frames in the order of its cameras, or its error.
+/// Result of a Job: its frames in the order of its cameras, or its error.
 struct Result {
   std::uint64_t tag = 0;
   std::vector<Frame> frames{};
@@ -95,7 +95,7 @@ class Results {
   std::shared_ptr<wire::BatchCall> call_;
 };
 
-/// What a live picture does when something newer comes: kLatest refines frames (1, 2, 4, ...
+/// Policy of a live picture when something newer comes: kLatest refines frames (1, 2, 4, ...
 /// samples) until then and drops old ones; kLossless gives the final frames of each update, in
 /// order.
 enum class Policy : int { kLatest, kLossless };
@@ -114,11 +114,11 @@ class Live {
   iterator begin() { return iterator(this); }
   iterator end() { return {}; }
 
-  /// What is rendered from now on. Begin with options() to keep the rest: they replace all.
+  /// Changes what is rendered from now on. Begin with options() to keep the rest: they replace all.
   void update(const RenderOptions& options);
   void update(const std::vector<Ref>& cameras, const RenderOptions& options);
   [[nodiscard]] RenderOptions options() const;
-  /// No more updates: the frames end with the last one of what was asked for.
+  /// Takes no more updates: the frames end with the last one of what was asked for.
   void finish();
   /// Ends the stream at once: next() throws kCancelled.
   void close();

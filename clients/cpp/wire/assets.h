@@ -10,7 +10,7 @@
 
 namespace heliograph::client::wire {
 
-/// What to decode.
+/// Asset to decode: a file here or on the server, and how to read it.
 struct Source {
   std::string path{};
   std::string server_path{};

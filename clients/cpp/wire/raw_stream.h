@@ -30,7 +30,7 @@ class Cancelling {
   std::set<grpc::ClientContext*> contexts_;
 };
 
-/// How long a call may take, and who may end it.
+/// Limits of a call: its timeout, and the Cancellation that may end it.
 struct CallOptions {
   std::optional<double> timeout{};  // seconds
   std::optional<Cancellation> cancellation{};
@@ -48,7 +48,7 @@ class RawStream {
   RawStream& operator=(const RawStream&) = delete;
 
   void send(const google::protobuf::Message& message, bool is_last = false);
-  /// Nothing follows.
+  /// Declares that no message follows.
   void finish_sending();
   void cancel();
   /// The next reply; false at the end, which throws unless it is a good one.
