@@ -51,7 +51,7 @@ def poses(seed):
 
 
 def rate(scenes, seconds):
-    """Frames a second, one scene after the other."""
+    """Frames per second, one scene after the other."""
     count, start = 0, time.perf_counter()
     while time.perf_counter() - start < seconds:
         scenes[count % len(scenes)].render("cam", planes=["beauty"], spp=8, progress=False)

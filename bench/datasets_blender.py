@@ -317,7 +317,7 @@ def run(path, spp):
         f"blender {blender.bpy.app.version_string}, {data['scene']}, {spp} spp: first image "
         f"{took[0]:.1f} s, then {np.median(rest):.2f} s an image ({min(rest):.2f} to "
         f"{max(rest):.2f}, labels {np.median(labelling[1:]):.2f}), {60 / np.median(rest):.1f} "
-        f"images a minute of {size / 1e6:.1f} MB"
+        f"images per minute of {size / 1e6:.1f} MB"
     )
 
 

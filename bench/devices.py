@@ -1,5 +1,5 @@
-"""A batch of frames on one GPU and on several, in turns: frames a second, and whether the pictures
-are the same.
+"""A batch of frames on one GPU and on several, in turns: frames per second, and a check that the
+pictures are the same.
 
 usage: .venv/bin/python bench/devices.py [DEVICES=2]   (needs so many NVIDIA GPUs)
 """

@@ -210,7 +210,7 @@ def table(options, results, agreement):
         ("pixels with z above 2", alone(lambda n: 100 * agreement[n]["z_above_2"], "{:.1f} %")),
     ]
     versions = sorted({result["version"] for result in results.values()})
-    head = f"{options.size[0]}x{options.size[1]}, {options.spp} samples a pixel"
+    head = f"{options.size[0]}x{options.size[1]}, {options.spp} samples per pixel"
     lines = [f"{head}; " + "; ".join(versions) + "; ours first in each cell", ""]
     lines += ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     lines += [f"| {name} | " + " | ".join(values) + " |" for name, values in rows]

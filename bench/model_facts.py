@@ -1,8 +1,8 @@
 """Facts that a reader found in a model, as numbers that another reader's can be compared with. Used
 by the readers of bench/models.py; needs numpy alone, so that it runs in anybody's Python.
 
-A reader is a program: it takes the path of a file a line on stdin, and answers each with a line of
-JSON on stdout: the facts, or {"refusal": why}.
+A reader is a program: it takes one path of a file per line on stdin, and answers each with a line
+of JSON on stdout: the facts, or {"refusal": why}.
 """
 
 import json

@@ -140,7 +140,7 @@ def jsonable(column: object) -> object:
 
 
 def sequence(scene: hg.Scene, folder: Path, count: int = 10) -> float:
-    """Randomised frames with their labels; frames a second, without the writing of files."""
+    """Randomised frames with their labels; frames per second, without the writing of files."""
     folder.mkdir(exist_ok=True)
     rng = np.random.default_rng(7)
     with scene.edit() as edit:
@@ -195,11 +195,11 @@ def main(out: Path) -> None:
         contact_sheet(scene, out / "planes.png")
         rate = sequence(scene, out / "sequence")
         latency = edit_latency(scene)
-    print(f"{out}/helmet.png       {frame.width}x{frame.height}, {frame.samples} samples a pixel")
+    print(f"{out}/helmet.png       {frame.width}x{frame.height}, {frame.samples} samples per pixel")
     print(f"{out}/planes.png       {len(PLANES)} planes of one frame")
     print(f"{out}/sequence/        ten randomised frames with labels")
-    print(f"frames a second       {rate:.2f}   (320x320, 16 samples, depth, instance, labels)")
-    print(f"rays a second         {rays / 1e6:.2f} million   (helmet.png)")
+    print(f"frames per second     {rate:.2f}   (320x320, 16 samples, depth, instance, labels)")
+    print(f"rays per second       {rays / 1e6:.2f} million   (helmet.png)")
     print(f"edit to frame         {latency * 1e3:.1f} ms   (256x256, 1 sample, pixels in numpy)")
     print(f"in all                {time.perf_counter() - start:.1f} s")
 

@@ -262,9 +262,7 @@ def train(scene: hg.Scene, images: int) -> dict[str, list[nn.Module]]:
             losses.append(loss.item())
         if step % 50 == 0 or step == steps:
             rate = min(step * BATCH, images) / (time.perf_counter() - start)
-            print(
-                f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images a second", flush=True
-            )
+            print(f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images/s", flush=True)
     return networks
 
 

@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 FULL, SMALL, QUALITY = (1280, 720), (256, 256), (192, 108)
-CHUNK = 64  # samples a pixel of one picture of a reference
+CHUNK = 64  # samples per pixel of one picture of a reference
 
 
 def load_scene(folder, lambert=False):

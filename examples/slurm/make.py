@@ -72,8 +72,8 @@ def main() -> None:
     made, seconds = max(1, done.images), time.monotonic() - start
     print(
         f"task {options.task} of {options.tasks}: {done.images} images, {done.skipped} were there, "
-        f"{done.images / seconds:.2f} images a second, {cpu_seconds() / made:.3g} core-seconds an "
-        f"image{'; all images are there' if done.complete else ''}"
+        f"{done.images / seconds:.2f} images per second, {cpu_seconds() / made:.3g} core-seconds "
+        f"an image{'; all images are there' if done.complete else ''}"
     )
 
 

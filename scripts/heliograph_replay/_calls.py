@@ -353,6 +353,6 @@ def _compare_frame(was: pb.RecordFrame, found: Rendered | None) -> None:
     if found is None:
         raise Differs(f"{name} did not come")
     if found.samples != was.samples:
-        raise Differs(f"{name} has {found.samples} samples a pixel; it had {was.samples}")
+        raise Differs(f"{name} has {found.samples} samples per pixel; it had {was.samples}")
     if found.sha256 != was.sha256:
         raise Differs(f"{name} has other pixels or labels")

@@ -172,7 +172,7 @@ class Array {
   Shape shape_ = {0};
 };
 
-/// Named columns, one row an instance, a ray or a sample.
+/// Named columns, one row per instance, ray or sample.
 class Columns {
  public:
   struct Column {

@@ -37,7 +37,7 @@ struct ImportOptions {
   std::string name{};         // of the asset; default: the file's stem
   int count = 1;              // roots are called `name`, or "<name>/0" .. for a count above 1
   std::string up{};           // "x", "y" or "z", for formats that name no axis
-  double units = 0;           // metres a unit, for formats that name none; 0: 1
+  double units = 0;           // metres per unit, for formats that name none; 0: 1
   std::string variant{};      // of a glTF with KHR_materials_variants; "": its default
   bool surface = false;       // of a volume file: its level sets as a mesh, not as fog
   std::string server_path{};  // instead of the path: a file under the daemon's asset root
@@ -59,7 +59,7 @@ struct Placement {
 /// A list of edits. A name that is empty makes an object without one. Thread: one at a time.
 ///
 /// Arrays up to 1 MiB travel in the message; larger ones are uploaded by these calls: topology and
-/// texels by SHA-256, once a session, vertices and matrices without a hash.
+/// texels by SHA-256, once per session, vertices and matrices without a hash.
 class Edits {
  public:
   Entity entity(const std::string& name, const Components& components, Mode mode = Mode::kUpsert);

@@ -59,7 +59,7 @@ class RenderOptions {
   RenderOptions& planes(std::vector<std::string> v) { return set(&Fields::planes, std::move(v)); }
   /// Planes that come as half floats: frame.plane<Half>("depth"). Default: none.
   RenderOptions& half(std::vector<std::string> v) { return set(&Fields::half, std::move(v)); }
-  /// The stop rule of averaged planes, any of the three: samples a pixel, seconds, relative noise.
+  /// Stop rule of averaged planes, any of the three: samples per pixel, seconds, relative noise.
   /// Without one, 64 samples.
   RenderOptions& spp(std::uint32_t v) { return set(&Fields::spp, v); }
   RenderOptions& seconds(double v) { return set(&Fields::seconds, v); }

@@ -238,7 +238,7 @@ def _chunks(
 
 
 class Columns(Mapping[str, Any]):
-    """Named numpy columns, one row an instance, a ray or a sample; read-only.
+    """Named numpy columns, one row per instance, ray or sample; read-only.
 
     `columns["t"]` and `columns.t` are the same; text columns are lists of str.
     """

@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--scene", metavar="NAME", help="a scene of the daemon at --address")
     parser.add_argument("--port", type=int, default=0, help="default: any free one")
-    parser.add_argument("--spp", type=int, default=1024, help="samples a pixel; default 1024")
+    parser.add_argument("--spp", type=int, default=1024, help="samples per pixel; default 1024")
     parser.add_argument("--open", action="store_true", help="open the browser, too")
     parser.set_defaults(size=(960, 540))
     add_view(parser)

@@ -330,7 +330,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
     ) -> Asset:
         """Decodes a model (glTF, FBX, OBJ, .. : docs/formats.md) and places it `count` times.
 
-        up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before
+        up ("x", "y", "z") and units (metres per unit) serve formats that name none, and go before
         what a file says; glTF refuses them. variant: of a glTF with KHR_materials_variants, the
         name of the one that is shown instead of the default; NotFound lists those that there are.
         surface: of a volume file, its level sets as a mesh, a part each, instead of one of them as

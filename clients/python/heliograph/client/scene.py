@@ -102,13 +102,12 @@ class Scene:
         """Renders one camera (a Frame) or a sequence of them (a list of Frames).
 
         The stop rule of `beauty` and other averaged planes: spp, seconds and noise, any of them;
-        without one, 64 samples a pixel. adaptive: samples go to the noisier tiles, spp is the most
-        a pixel gets. planes: names, default ["beauty"]; disparity:CAMERA names its second camera.
-        half: those of `planes` that come as float16. size: (width, height), default the camera's
-        own. seed. time: seconds, default the scene's. frame_interval, hold: the other end of flow.
+        without one, 64 samples per pixel. adaptive: samples go to the noisier tiles, up to
+        spp per pixel. planes: names, default ["beauty"]; disparity:CAMERA names its second camera.
+        half: names of planes to send as float16. size: (width, height), default the camera's own.
+        seed. time: seconds, default the scene's. frame_interval, hold: the other end of flow.
         overlay: of scene.overlay(). labels: see docs/python.md; by default boxes come with any
-        plane that looks at surfaces. revision: exactly this one. progress: True, False, or a
-        callable.
+        plane that looks at surfaces. revision: exactly this one. progress: bool or a callable.
         Ctrl-C cancels the job and leaves the client usable.
         """
         single = isinstance(cameras, (str, Handle))

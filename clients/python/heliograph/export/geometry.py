@@ -91,7 +91,7 @@ class Geometry:
 
     @cached_property
     def influences(self) -> tuple[NdArray, NdArray] | None:
-        """(V, 4) joints, each once a vertex, uint16, and their float32 weights, which sum to 1."""
+        """(V, 4) uint16 joints, each once per vertex, and their float32 weights, of sum 1."""
         joints, weights = self._array("joints"), self._array("weights")
         return None if joints is None or weights is None else _merged(joints, weights)
 

@@ -19,7 +19,7 @@ def html_of_frame(frame: Frame) -> str:
     """The picture of its first plane, exposed by itself, and a line of what it is."""
     host = frame.cpu()
     said = (
-        f"{frame.width} x {frame.height}, {frame.samples} samples a pixel, camera "
+        f"{frame.width} x {frame.height}, {frame.samples} samples per pixel, camera "
         f"{frame.camera or '?'}, revision {frame.revision}, seed {frame.seed}"
     )
     figure = ""

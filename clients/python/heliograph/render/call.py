@@ -37,7 +37,7 @@ class Options(TypedDict, total=False):
 
     planes: Sequence[str | tuple[str, Named]]  #: names, default ["beauty"]: docs/planes.md
     half: Sequence[str | tuple[str, Named]]  #: those of `planes` that come as float16
-    spp: int  #: samples a pixel, at most
+    spp: int  #: samples per pixel, at most
     seconds: float  #: stops after so long
     noise: float  #: stops below this mean relative standard error
     size: tuple[int, int]  #: (width, height) pixels; default the camera's

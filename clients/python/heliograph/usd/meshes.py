@@ -113,7 +113,7 @@ def _colors(
 
 
 def _with_alpha(color: Spread | None, opacity: Spread) -> Spread:
-    """(C, 4) colours, a value a corner."""
+    """(C, 4) colours, one per corner."""
     rgb = np.full((len(opacity.which), 3), 0.18, "f4")
     if color is not None:
         rgb = color.values[color.which][:, :3]

@@ -81,7 +81,7 @@ def _select(sets: Any, path: str, name: str, variant: str) -> None:
 
 
 def _metres(stage: Any, units: float) -> float:
-    """Metres a unit; `units` where the file says nothing."""
+    """Metres per unit; `units` where the file says nothing."""
     found = float(UsdGeom.GetStageMetersPerUnit(stage))
     if units and not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         found = units

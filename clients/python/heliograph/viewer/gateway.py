@@ -47,8 +47,8 @@ class Viewer:
     """Shows a scene in a browser, as it changes: `with hg.Viewer(scene) as viewer: viewer.wait()`.
 
     camera: one of the scene's to begin at, default a place that sees everything. port: default any
-    free one. spp: samples a pixel at which refining ends. Whoever knows `.url` sees the scene, and
-    cannot change it. Thread: any. close() ends the pages' streams, not the scene.
+    free one. spp: samples per pixel at which refining ends. `.url` lets its holder see the scene,
+    not change it. Thread: any. close() ends the pages' streams, not the scene.
     """
 
     def __init__(self, scene: Scene, camera: Any = None, *, port: int = 0, spp: int = 1024) -> None:

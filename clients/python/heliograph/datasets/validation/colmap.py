@@ -23,7 +23,7 @@ from .geometry import is_unit, rotation_of
 from .report import Faults, Malformed
 
 CHECKS = {
-    "format": "cameras.txt, images.txt (two lines an image) and points3D.txt have their fields",
+    "format": "cameras.txt, images.txt (two lines per image) and points3D.txt have their fields",
     "ids": "ids of cameras, images and points are there once and start at 1, names once",
     "references": "images name cameras and points that are there",
     "cameras": "models are COLMAP's with as many parameters, focal lengths and sizes positive",

@@ -18,7 +18,7 @@ _ROWS = 65536  # of a row group: what is in memory at once
 
 
 class Parquet(Writer):
-    """DIR/images.parquet: a row an image; DIR/instances.parquet: a row an instance, with every
+    """DIR/images.parquet: a row per image; DIR/instances.parquet: a row per instance, with every
     label column but masks; DIR/keypoints.parquet: a row a keypoint, where there are any.
 
     `index` joins them, `label` the latter two. Vectors and matrices are lists, numbers as wide as

@@ -36,7 +36,7 @@ def picture_of(dataset: Dataset, image: Image) -> dict[str, Any]:
 
 
 def instances_of(image: Image, flat: bool = False) -> list[dict[str, Any]]:
-    """A row an instance: every column but masks and keypoints; `category` is the class's name,
+    """A row per instance: every column but masks and keypoints; `category` is the class's name,
     `category_id` its id, 0 for none; `attributes` a mapping. flat: matrices are one list, row by
     row."""
     labels, categories = image.frame.labels, image.frame.categories

@@ -46,7 +46,7 @@ class Meshes:
         emission: Emission | None,
         morphs: Morphs,
     ) -> Any:
-        """A mesh with its materials, one a part, the last one for the rest."""
+        """A mesh with its materials, one per part, the last one for the rest."""
         mesh = UsdGeom.Mesh.Define(self.stage.stage, path)
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         mesh.CreateDoubleSidedAttr(True)
