@@ -34,9 +34,9 @@ struct ServerInfo {
   std::string cpu_features;
   std::uint32_t threads = 0;
   std::vector<std::string> capabilities{};
-  std::vector<std::string> refused{};             // what the kernel did not allow, and what follows
+  std::vector<std::string> refused{};             // features the kernel refused, and effects
   std::map<std::string, std::uint64_t> limits{};  // in force for this client's tenant
-  std::map<std::string, std::uint64_t> used{};    // what the tenant uses of them
+  std::map<std::string, std::uint64_t> used{};    // use of them by the tenant
   std::string tenant{};
   double weight = 1;   // the tenant's share of the device against others'
   bool ready = false;  // a pixel was rendered

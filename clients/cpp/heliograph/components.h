@@ -48,8 +48,8 @@ class Components {
   Components& morph_weights(std::map<double, std::vector<float>> by_time) {
     return morph_weights(std::move(by_time), true);
   }
-  /// 0: none. Without a label, what is given a category gets the next free one. Label, category,
-  /// group and part are one value: give them together. What is given a part is that part whole.
+  /// 0: none. Without a label, an entity with a category gets the next free one. Label, category,
+  /// group and part are one value: give them together. An entity with a part is that part whole.
   Components& label(std::uint32_t label) { return set(&Fields::label, label); }
   Components& category(std::string name) { return set(&Fields::category, std::move(name)); }
   Components& group(bool v) { return set(&Fields::group, v); }

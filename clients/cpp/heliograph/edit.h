@@ -101,7 +101,7 @@ class Edits {
   /// follows is the state at the new time, and flow is backward from then on.
   void advance(double dt);
   void time(double seconds);
-  /// Registers classes in this order; those that are known keep their ids.
+  /// Registers classes in this order; known ones keep their ids.
   void categories(const std::vector<std::string>& names);
 
   /// Remarks on the files of textures and domes, each after its path: what their decoder assumed or
@@ -143,9 +143,9 @@ class Transaction final : public Edits {
   /// Sends it, waits, and gives the revision. kAborted when the scene has moved on from the
   /// expected revision.
   std::uint64_t commit();
-  /// Sends it and goes on; up to 256 may be on their way. They are applied in the order of these
-  /// calls, each by itself: what comes after a refused one is still applied, unless that one may be
-  /// sent again later (details().retry_seconds > 0). Then those behind it are kAborted.
+  /// Sends the transaction without waiting; up to 256 may be under way. They are applied in the
+  /// order of these calls, each by itself: one behind a refused one is still applied, unless that
+  /// one may be sent again later (details().retry_seconds > 0). Then those behind it are kAborted.
   Receipt commit_later();
 };
 

@@ -21,7 +21,7 @@ namespace heliograph::client {
 class Mesh;
 class Material;
 
-/// A thing in the world. What reads asks the daemon each time.
+/// Entity of a scene. Methods that read ask the daemon each time.
 class Entity : public Handle {
  public:
   static constexpr Kind kKind = Kind::kEntity;
@@ -98,7 +98,7 @@ class Asset {
   [[nodiscard]] Entity root() const;     // of the first placement
   [[nodiscard]] Group roots() const;     // one a placement
   [[nodiscard]] Group entities() const;  // of the first placement, its root first
-  [[nodiscard]] Group cameras() const;   // those of them that have a camera
+  [[nodiscard]] Group cameras() const;   // the ones with a camera
   /// Finds an object by its name in the file; kNotFound lists the names.
   [[nodiscard]] Mesh mesh(const std::string& name) const;
   [[nodiscard]] Material material(const std::string& name) const;

@@ -40,7 +40,7 @@ struct Progress {
   double noise = 0;  // mean relative standard error; nan until known
 };
 
-/// Ends renders from another thread: those that were given a copy of it throw kCancelled, and the
+/// Cancels renders from another thread: the ones that got a copy of it throw kCancelled, and the
 /// daemon's device is free within 10 ms. The client stays usable. Thread: any.
 class Cancellation {
  public:
@@ -52,7 +52,8 @@ class Cancellation {
   std::shared_ptr<wire::Cancelling> state_;
 };
 
-/// Options of a render; what is not set has the daemon's default. docs/python.md explains each.
+/// Options of a render; options that are not set have the daemon's default. docs/python.md explains
+/// each.
 class RenderOptions {
  public:
   /// Names; "disparity:CAMERA" names its second camera, "beauty:GROUP" a light group. {"beauty"}.
@@ -93,8 +94,8 @@ class RenderOptions {
   /// Seconds, after which it is kDeadlineExceeded.
   RenderOptions& timeout(double v) { return set(&Fields::timeout, v); }
   RenderOptions& cancellation(const Cancellation& v) { return set(&Fields::cancellation, v); }
-  /// Called in the rendering thread: as the job goes on, and with a frame after each doubling of
-  /// the samples. What they throw cancels the job and passes through.
+  /// Callbacks in the rendering thread: as the job goes on, and with a frame after each doubling of
+  /// the samples. An exception of theirs cancels the job and passes through.
   RenderOptions& progress(std::function<void(const Progress&)> v) {
     fields_.progress = std::move(v);
     return *this;

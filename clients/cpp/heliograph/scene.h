@@ -67,8 +67,8 @@ class Scene {
   [[nodiscard]] Results render_batch(Jobs jobs, const BatchOptions& options = {}) const;
   [[nodiscard]] Results render_batch(std::vector<Job> jobs, const BatchOptions& options = {}) const;
   /// Frames of the scene as it changes: rendered again at each new revision and each update().
-  /// credits: frames that may be under way or in your hands. A stream whose frames nobody takes for
-  /// 30 s is closed. Its timeout and cancellation are those of the options.
+  /// credits: frames that may be under way or held by you. A stream whose frames nobody takes for
+  /// 30 s is closed. The options' timeout and cancellation end it.
   [[nodiscard]] Live stream(const std::vector<Ref>& cameras, const RenderOptions& options = {},
                             Policy policy = Policy::kLatest, std::uint32_t credits = 2) const;
   /// Watches each transaction of the scene, by any client. Returns once the daemon watches.

@@ -23,10 +23,10 @@ struct AppliedEdit {
   /// Ids of the objects that it put, made, moved or removed; those of large arrays of poses are not
   /// listed.
   std::vector<std::uint64_t> ids{};
-  std::vector<std::string> fields{};  // what it put: "pose", "light"
+  std::vector<std::string> fields{};  // components that it put: "pose", "light"
 };
 
-/// A transaction of a scene, whoever sent it.
+/// Transaction of a scene, by any client.
 struct Change {
   std::uint64_t revision = 0;  // that it made
   bool is_bookmark = false;    // no transaction: nothing else happened up to the revision

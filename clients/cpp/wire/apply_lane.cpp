@@ -224,7 +224,7 @@ void ApplyLane::take_reply() {
   edit->is_done = true;
 }
 
-/// Ends a stream: sends again what has no reply, or gives it the error.
+/// Ends a stream: sends edits without a reply again, or gives them the error.
 void ApplyLane::end_stream(Lock& lock) {
   const auto stream = std::move(stream_);
   sent_ = 0;
@@ -248,7 +248,7 @@ void ApplyLane::fail_all(const ClientError& error) {
   for (const auto& edit : waiting_) {
     edit->error = error;
     edit->is_done = true;
-    next_.erase(edit->request.scene());  // whether it was applied is not known
+    next_.erase(edit->request.scene());  // it may have been applied or not
   }
   waiting_.clear();
   sent_ = 0;

@@ -35,7 +35,7 @@ class ApplyLane {
   void submit(const std::shared_ptr<PendingEdit>& edit);
   /// Waits until an edit has its reply or its error.
   void wait(const PendingEdit& edit);
-  /// Waits some seconds for what is on its way, then ends the stream.
+  /// Waits some seconds for edits under way, then ends the stream.
   void close();
 
  private:

@@ -70,7 +70,7 @@ struct Span {
 /// FramePart.chunk is field 2; PlaneChunk has plane 2, offset 3, chunk 4.
 std::optional<Span> chunk_span(Cursor& cursor);
 
-/// INTERNAL: the daemon sent what it must not.
+/// kInternal for a message that the daemon must not send.
 ClientError broken(const std::string& what);
 
 template <class Message>

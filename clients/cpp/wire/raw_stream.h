@@ -37,8 +37,8 @@ struct CallOptions {
 };
 
 /// A stream of messages and a stream of serialised replies. Cancelled when it is left early.
-/// Thread: one reads; any sends and cancels. What is sent while another message is on its way goes
-/// out with the next read.
+/// Thread: one reads; any sends and cancels. A message sent while another is on its way goes out
+/// with the next read.
 class RawStream {
  public:
   /// `method`: "Render".

@@ -33,7 +33,7 @@ ClientError to_error(const google::rpc::Status& status);
 
 constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable is tried again
 
-/// A random name for what is to be done once.
+/// Random name of a call that is to take effect once.
 std::string make_request_id();
 
 /// The waits between repeated calls: 20 ms, doubling up to 250 ms, 10 s in all by default.

@@ -9,7 +9,7 @@ _C = TypeVar("_C", bound="Component")
 
 
 class Component:
-    """A named value. It lives in Python; render() sends what changed of those that are shown.
+    """Base of all components: a named value in Python. render() sends the changes of shown ones.
 
     Names are unique per kind. Ids are the lowest free numbers, and are used again after remove().
     """
@@ -145,7 +145,7 @@ class Component:
 
 
 def check(field: str, kind: type[Component], value: Any) -> None:
-    """Refuses what is neither None nor a component of a kind that is still there."""
+    """Refuses any value but None and an existing component of that kind. RuntimeError."""
     if value is not None and not isinstance(value, kind):
         raise RuntimeError(f"{field}: needs a nvisii.{kind._kind()}, not {value!r}")
     if value is not None and not value._alive:

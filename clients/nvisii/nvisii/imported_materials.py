@@ -43,7 +43,7 @@ def _rgba(texels: Any) -> Any:
 
 
 class Look:
-    """A material, what was made for it, and the light that it gives off."""
+    """A material, the components made for it, and the light that it gives off."""
 
     def __init__(self, message: Any, images: dict[int, texture], name: str) -> None:
         self.material = material.create(name)

@@ -50,7 +50,7 @@ def import_scene(
     args: Sequence[str] = (),
 ) -> scene:
     """A file's objects, placed below a transform of that position, scale and rotation, which is the
-    first of `transforms`. Coordinates stay those of the file. args: "verbose" says what was left
+    first of `transforms`. Coordinates stay those of the file. args: "verbose" prints what was left
     out; "max_quality" changes nothing.
     """
     for argument in args:

@@ -66,17 +66,18 @@ class mesh(Component, Factories):
         return float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
 
     def compute_metadata(self) -> None:
-        """Centre, box and radius are always those of the vertices."""
+        """Does nothing: centre, box and radius are always those of the vertices."""
 
     def generate_smooth_normals(self) -> None:
-        """Normals anew: those of the triangles about a vertex, by angle and area."""
+        """Makes smooth normals: those of the triangles about a vertex, weighted by angle and
+        area."""
         arrays = self._arrays
         normals = smooth_normals(arrays.positions, arrays.indices)
         self._arrays = arrays._replace(normals=normals, tangents=None)
         self.mark_dirty()
 
     def generate_smooth_tangents(self) -> None:
-        """Tangents anew, along growing u."""
+        """Makes new tangents, along growing u."""
         self._arrays = self._arrays._replace(tangents=None)
         self.mark_dirty()
 

@@ -1,4 +1,4 @@
-"""The daemon's copy of what is shown. push() sends what changed since the last picture, all or
+"""Copy of shown components in the daemon. push() sends the changes since the last picture, all or
 nothing."""
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Mirror:
         self._moving: set[entity] = set()
         self._camera: Any = None
         self._view: Any = None
-        self._black: Any = None  # the material of what is a light only
+        self._black: Any = None  # the material of meshes that are a light only
         self._sky: Any = None  # the texture of the sky, the same for every sky
 
     def push(self, view: View) -> Any:
@@ -51,7 +51,7 @@ class Mirror:
 
 
 class _Push:
-    """The changes of one picture. What they make counts only once all were accepted."""
+    """Changes of one picture. Objects that they make count only once all changes were accepted."""
 
     def __init__(self, mirror: Mirror) -> None:
         self.mirror = mirror

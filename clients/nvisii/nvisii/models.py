@@ -18,7 +18,8 @@ from .mesh_data import Arrays, of_data, smooth_normals
 
 
 class Model(NamedTuple):
-    """edits: what the file becomes, in order. blobs: by SHA-256. warnings: what was left out."""
+    """Model of a file. edits: that make its objects, in order. blobs: by SHA-256. warnings: of
+    parts left out."""
 
     edits: Any
     blobs: dict[bytes, bytes]

@@ -1,5 +1,5 @@
-"""Changes of one picture, however many: beyond what a message takes they go out in parts, of which
-no picture shows some only. Used by mirror.py."""
+"""Changes of one picture, however many: beyond the size of a message they go out in parts; a
+picture shows all parts or none. Used by mirror.py."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import TracebackType
 import heliograph as hg
 from heliograph.client.edit import Edits
 
-PART_BYTES = 8 << 20  # half of what a daemon takes by default
+PART_BYTES = 8 << 20  # half of a daemon's default limit
 
 
 class Parts:
@@ -28,7 +28,7 @@ class Parts:
         return self
 
     def room(self) -> None:
-        """Sends what is there, if that is about as much as a message takes."""
+        """Sends the gathered changes, if they are about as much as a message takes."""
         edits = self.edit.transaction.edits
         self._bytes += sum(edits[i].ByteSize() for i in range(self._counted, len(edits)))
         self._counted = len(edits)
@@ -56,6 +56,6 @@ class Parts:
                 self._before.delete()
 
     def _swap(self) -> None:
-        """Lets the scene denote what the other one did."""
+        """Swaps the scenes that two handles denote."""
         assert self._before is not None
         self._scene.id, self._before.id = self._before.id, self._scene.id

@@ -1,4 +1,4 @@
-"""Texels of textures: reading files, mixing, sampling. And writing what was rendered."""
+"""Texels of textures: reads files, mixes, samples. Writes rendered pictures."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def as_bytes(values: Any) -> Any:
 
 
 def to_linear(image: texture) -> Any:
-    """(H, W, 4) float32: what the texture means; alpha as it is."""
+    """Linear colours (H, W, 4) float32 of texels; alpha as it is."""
     texels = image._texels
     if image.is_hdr():
         return texels

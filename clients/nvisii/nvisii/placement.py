@@ -167,8 +167,8 @@ def world_matrices(transforms: Sequence[transform], previous: bool) -> Any:
 
 
 def solid(matrices: Any) -> Any:
-    """(N, 4, 4), changed in place: what a scale of 0 makes flat, a line or a point gets a thickness
-    that no picture shows, as the daemon takes none without."""
+    """Thickens matrices (N, 4, 4), in place: a scale of 0 becomes one too small to be seen, as the
+    daemon refuses flat ones."""
     linear = matrices[:, :3, :3]
     lengths = np.linalg.norm(linear, axis=1)
     volumes = np.abs(np.linalg.det(linear))

@@ -61,7 +61,7 @@ def picture(size: tuple[int, int], samples: int, seed: int) -> Any:
 
 
 def shoot(size: tuple[int, int], planes: list[str], shutter: Any, **options: Any) -> Any:
-    """A frame of what there is now."""
+    """Frame of the current state."""
     call_back()
     here = session()
     with as_runtime_error():

@@ -1,4 +1,4 @@
-"""initialize() to deinitialize(): the daemon, the camera, callbacks; and what a window would be."""
+"""initialize() to deinitialize(): the daemon, the camera, callbacks; and functions of a window."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _old_name(name: str, headless: bool, *left_out: str) -> Callable[..., None]:
     return old
 
 
-_NEW = ("headless", "lazy_updates", "address")  # what the old names do not take
+_NEW = ("headless", "lazy_updates", "address")  # arguments that the old names lack
 initialize_interactive = _old_name("initialize_interactive", False, *_NEW)
 initialize_headless = _old_name("initialize_headless", True, *_NEW, "window_on_top")
 
@@ -153,7 +153,7 @@ def clear_all() -> None:
 
 
 def set_camera_entity(camera_entity: entity | None) -> None:
-    """The entity whose camera sees. What it is changed to later counts."""
+    """Sets the entity whose camera sees. Later changes of it count."""
     global _camera
     check("camera_entity", entity, camera_entity)
     _camera = camera_entity

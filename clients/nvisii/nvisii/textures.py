@@ -24,8 +24,8 @@ class texture(Component):
 
     @classmethod
     def create_from_file(cls, name: str, path: str, linear: bool = False) -> texture:
-        """A picture's file: PNG, JPEG, TGA, BMP, GIF, PSD, PNM, DDS, HDR, EXR. linear: the values
-        are no colours, as those of normal maps; float files always are linear."""
+        """Reads a picture's file: PNG, JPEG, TGA, BMP, GIF, PSD, PNM, DDS, HDR, EXR. linear: values
+        are no colours, as in normal maps; float files always are linear."""
         cls._check_new(name)
         texels = array(path, read_picture(path))
         return cls(name, texels, linear or texels.dtype != np.uint8)

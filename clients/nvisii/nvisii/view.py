@@ -21,7 +21,7 @@ class View(NamedTuple):
 
 
 def view_of(found: entity | None, size: tuple[int, int], shutter: tuple[float, ...]) -> View:
-    """The view of a camera entity; RuntimeError says what is missing."""
+    """View of a camera entity. RuntimeError names a missing component."""
     if found is None:
         raise RuntimeError("there is no camera: call nvisii.set_camera_entity(entity) first")
     if found._camera is None or found._transform is None:

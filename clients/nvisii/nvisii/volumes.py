@@ -140,7 +140,8 @@ class volume(Component):
         }
 
     def _medium(self, units: float, tint: Any) -> dict[str, Any]:
-        """The others. units: voxels in a metre of the world. tint: of what is scattered, (3,)."""
+        """Arguments of the medium besides the grid. units: voxels per metre of the world. tint:
+        (3,), of scattered light."""
         extinction = self._scattering + self._absorption
         albedo = self._scattering / extinction if extinction else 0.0
         return {

@@ -39,10 +39,10 @@ class HeliographError(Exception):
     field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
     code: the gRPC code's name, e.g. "NOT_FOUND".
     reason: why, e.g. "LIMIT_EXCEEDED"; docs/protocol.md lists them; "": gRPC's or the client's own.
-    limit: the name of the limit that is in the way, or "".
-    needed, used, allowed: what is needed of it, what is used of it, and the limit itself, in the
-    unit that the message names.
-    retry_seconds: when the same call may work; 0.0: not known.
+    limit: the name of the limit that was exceeded, or "".
+    needed, used, allowed: amount of the limit that the call needs, amount in use, and the limit
+    itself, in the unit that the message names.
+    retry_seconds: time until the same call may work; 0.0: not known.
     """
 
     code = "UNKNOWN"
@@ -139,7 +139,8 @@ class FailedPrecondition(HeliographError):
 
 
 class Aborted(HeliographError):
-    """Another writer was faster: repeat the transaction. `.expected`: what the daemon expected."""
+    """Another writer was faster: repeat the transaction. `.expected`: the revision or number that
+    the daemon expected."""
 
     code = "ABORTED"
 

@@ -4,7 +4,7 @@
     for batch in ht.loader(frames, batch_size=8, num_workers=2):
         loss = network(batch["beauty"].cuda(non_blocking=True), batch["labels"])
 
-Image i is the one that heliograph.datasets.generate makes with the same seed, whoever renders it.
+Image i is that of heliograph.datasets.generate with the same seed: it depends only on (seed, i).
 """
 
 from __future__ import annotations
@@ -184,8 +184,8 @@ def _share(rank: int | None, ranks: int | None) -> tuple[int, int]:
 def tensors(image: Image) -> dict[str, Any]:
     """An image as tensors of their own: each plane (C, H, W) or (H, W), "index", "K" (3, 3) and
     "camera_from_world_cv" (4, 4) float32, and "labels", its columns by name: (N, ...), names as a
-    list of str. uint32 and uint64, which PyTorch hardly knows, become int64. Of a frame on a GPU
-    the planes are there."""
+    list of str. uint32 and uint64, which PyTorch hardly knows, become int64. Planes of a frame on a
+    GPU stay there."""
     frame = image.frame
     out: dict[str, Any] = {"index": image.index}
     for plane in frame:
@@ -225,8 +225,8 @@ def collate(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def loader(frames: Frames, batch_size: int = 1, **options: Any) -> Any:
     """A torch.utils.data.DataLoader of batches of `frames`, the same ones for any num_workers.
 
-    options: those of DataLoader: num_workers, pin_memory, multiprocessing_context ("spawn" where
-    the process has used a GPU or threads that do not stand a fork), ...; collate_fn is collate().
+    options: of DataLoader: num_workers, pin_memory, multiprocessing_context ("spawn" where the
+    process has used a GPU or threads that do not stand a fork), ...; collate_fn is collate().
     """
     frames = copy(frames)
     frames.block = whole_of(batch_size, "batch_size", 1)

@@ -106,7 +106,8 @@ class Access:
 
 
 def target_of(address: str) -> tuple[str, str]:
-    """(gRPC target, path of the Unix socket or ""). Refuses what is neither."""
+    """(gRPC target, path of the Unix socket or "") of an address. InvalidArgument for anything
+    else."""
     if address.startswith("unix:"):
         path = address[len("unix:") :]
         path = path[2:] if path.startswith("//") else path

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 INLINE_BYTES = 1 << 20
 SHARED_BYTES = 1 << 16  # from here on shared memory is faster than the message
 CHUNK_BYTES = 1 << 20
-MESSAGE_BYTES = 8 << 20  # half of what a daemon takes by default
+MESSAGE_BYTES = 8 << 20  # half of a daemon's default limit
 NdArray = np.ndarray[Any, np.dtype[Any]]
 
 _DTYPES: dict[int, str] = {
@@ -124,11 +124,11 @@ def filled(array: NdArray | None, part: service.ReadReply) -> NdArray:
 
 
 class Store:
-    """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
-    64 KiB on, or anonymously.
+    """Uploads of one client: inline up to 1 MiB, then by hash; changing arrays by shared memory
+    from 64 KiB on, or anonymously.
 
     Remembers hashes that the session has, so that the same bytes travel once, and no bytes.
-    decodings: by hash, what the daemon made of files. Thread: any.
+    decodings: of files by the daemon, by hash. Thread: any.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -188,7 +188,7 @@ class Store:
         return digest
 
     def send_again(self, digest: bytes, data: memoryview | bytes) -> None:
-        """Uploads bytes by their SHA-256, whether or not the session had them."""
+        """Uploads bytes by their SHA-256, even if the session had them."""
         request = service.UploadBlobRequest(request_id=uuid.uuid4().hex, sha256=digest)
         self._push(memoryview(data), request)
 

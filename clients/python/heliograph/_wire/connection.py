@@ -156,7 +156,7 @@ class Connection:
         return Stream(self, begin, name in _REPEATED)
 
     def push(self, name: str, requests: Iterable[Any]) -> Any:
-        """A client stream; its reply. What `requests` raises is raised here."""
+        """Sends a client stream and returns its reply. Raises the errors of `requests`, too."""
         link = self.link
         faults: list[Exception] = []
 
@@ -221,8 +221,8 @@ def _typed(error: grpc.RpcError | Unavailable) -> HeliographError:
 
 
 class Stream:
-    """Messages of a server stream; cancels it when left early. Where the daemon was restarted and
-    refused the call for that, one that `repeats` is asked again."""
+    """Messages of a server stream; cancels it when left early. A call that `repeats` is sent again
+    if the daemon refused it because it was restarted."""
 
     def __init__(
         self, connection: Connection, begin: Callable[[], tuple[Link, Any]], repeats: bool
@@ -253,8 +253,8 @@ class Stream:
             self._call.cancel()
 
     def _asked_again(self, error: grpc.RpcError) -> HeliographError:
-        """Begins the call again, or raises why not. Returns what to raise where it names what was
-        not durable."""
+        """Begins the call again, or raises its error. Returns the error to raise if the call names
+        something that was not durable."""
         failure = self._connection.failure(self.link, error)
         refused = error.code() == grpc.StatusCode.UNAUTHENTICATED  # so it had not begun
         if not (refused and self._repeats and isinstance(failure, Unavailable)):

@@ -137,7 +137,8 @@ class Device:
         self.context = context.value
 
     def current(self) -> _Current:
-        """Makes it this thread's, for a while; what is done there spoils no capture of a graph."""
+        """Makes the device this thread's within the block; calls there do not spoil the capture of
+        a graph."""
         return _Current(self)
 
     def download(self, address: int, out: memoryview) -> None:

@@ -21,8 +21,8 @@ class DeviceArray:
 
     Without a copy: `.torch()`, `cupy.asarray(x)`, anything that reads `__cuda_array_interface__`,
     `from_dlpack(x)`. They keep it alive, and while it is alive the daemon does not write there. The
-    numbers are there already: no stream need be waited for. They are for reading; what is written
-    there is seen by everybody who has this plane, and by nobody else.
+    numbers are there already: no stream need be waited for. They are for reading; a write there is
+    seen by all holders of this plane, and by nobody else.
     shape, dtype (numpy's), nbytes, device (the GPU's number in this process), pointer.
     """
 

@@ -1,4 +1,4 @@
-"""DLPack capsules. What ends them is in C (native/dlpack.c), in a library beside heliographd: a
+"""DLPack capsules. Their deleter is in C (native/dlpack.c), in a library beside heliographd: a
 consumer may let go in any thread, without Python's lock, and when Python has ended. Used by
 device.py."""
 

@@ -246,7 +246,7 @@ class PrivateDaemon:
         self._process.returncode = 0
 
     def give_up(self) -> None:
-        """Kills a daemon that has no client yet, with what it started."""
+        """Kills a daemon that has no client yet, with its children."""
         self._put_away(0)
 
     def stop(self) -> None:

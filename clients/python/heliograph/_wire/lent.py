@@ -117,7 +117,8 @@ class Loans:
         self._link: Any = None
 
     def put(self, array: GpuArray) -> tuple[types.BufferRef, Loan]:
-        """Copies an array on its GPU; waits for it. What names it, while the loan lives."""
+        """Copies an array on its GPU and waits for that. Returns its name for the daemon, valid
+        while the loan lives."""
         room = self._room(array.nbytes)
         loan = Loan(room, self._back)
         room.mapping.device.copy(room.mapping.address, array.pointer, array.nbytes, array.stream)

@@ -175,8 +175,8 @@ class Link:
     def ask_quickly(
         self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
     ) -> service.QuickReply | None:
-        """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC, which
-        knows how to take a session up again, and how to wait with what is done once."""
+        """Sends an Apply or Render by the fast path; raises its refusal. None: ask by gRPC, which
+        resumes sessions, and waits before it repeats what may be done once only."""
         if self.quick is None or self._access.traced():  # a packet has no room for a trace
             return None
         call.token = self._access.bearer()

@@ -1,4 +1,4 @@
-"""heliograph info: what a daemon is and can do, whether it is ready, and who uses what of it."""
+"""heliograph info: version, capabilities, readiness and use of a daemon, by tenant."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ class Client:
         return reply
 
     def info(self) -> service.GetServerInfoReply:
-        """Version, backend, limits, capabilities, and what the kernel refused."""
+        """Version, backend, limits, capabilities, and features that the kernel refused."""
         reply: service.GetServerInfoReply = self.connection.call(
             "GetServerInfo", service.GetServerInfoRequest()
         )

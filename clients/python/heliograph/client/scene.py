@@ -166,7 +166,7 @@ class Scene:
         Rendered again at each new revision of the scene and each live.update(). policy "latest":
         frames are refined (1, 2, 4, ... samples) until something changes, old ones are dropped.
         "lossless": each update gives its final frames, in order, none is dropped. credits: frames
-        that may be under way or in your hands. options: those of render(); timeout ends the stream.
+        that may be under way or held by you. options: of render(); timeout ends the stream.
         """
         return live.Live(self, cameras, policy, credits, options)
 
@@ -352,10 +352,11 @@ class Scene:
         scene_file.write(path, self.client.connection.stream("ExportScene", request))
 
     def export(self, path: str | os.PathLike[str], *, revision: int | None = None) -> None:
-        """Writes the scene for other programs, as its ending says: .glb (glTF 2.0) or .usdz.
+        """Writes the scene for other programs, by the path's ending: .glb (glTF 2.0) or .usdz.
 
-        Units are metres. What the format cannot say is left out with a FileWarning that names it:
-        docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument: path.
+        Units are metres. Features that the format lacks are left out with a FileWarning that names
+        them: docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument:
+        path.
         """
         from ..export.write import checked_path, write
 

@@ -176,7 +176,7 @@ class _Team:
     def make(
         self, shards: Sequence[Shard], workers: int, tries: int, shown: _Shown
     ) -> list[dict[str, Any]]:
-        """Has all shards made; what was said of each."""
+        """Has all shards made; returns the result of each."""
         self._todo.extend(shards)
         made: list[dict[str, Any]] = []
         idle: list[Any] = []

@@ -77,7 +77,8 @@ class Maker:
             self.close()
 
     def make(self, first: int, end: int) -> dict[str, Any]:
-        """Makes the images first .. end - 1; what the shard's file says of it, or {"lost": why}."""
+        """Makes the images first .. end - 1. Returns the content of the shard's file, or {"lost":
+        why}."""
         start, used = time.monotonic(), self._cpu_seconds()
         try:
             run = self._opened()

@@ -1,4 +1,4 @@
-"""Draw: what a randomizer gets, and Compose. Made by generate(), used by every randomizer."""
+"""Draw, the argument of a randomizer, and Compose. Made by generate(), used by every randomizer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
     from ..robots.robot import Robot
 
-_DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
+_DRAW, _RENDER = 0, 1  # first number of a key: the purpose of the numbers
 
 
 class Draw:
@@ -77,11 +77,11 @@ class Draw:
             self._path, self.rng = path, rng
 
     def pose(self, entity: Named) -> NdArray:
-        """(4, 4) float64 world_from_local as drawn so far: what place(), set_joints(), and
-        transform= and parent= of edits set, else the scene's.
+        """(4, 4) float64 world_from_local as drawn so far: set by place(), set_joints(), and
+        transform= and parent= of edits, else the scene's.
 
-        Of the scene's own entities edits' keys= and set_transforms() are not seen. InvalidArgument
-        of what was made with keys= or more than 1 MiB of transforms=: place() it.
+        For the scene's own entities, keys= and set_transforms() of edits are not seen.
+        InvalidArgument for an entity made with keys= or more than 1 MiB of transforms=: place() it.
         """
         self._follow()
         return self._world(self._key(entity), {}).copy()
@@ -144,7 +144,7 @@ class Draw:
         return self._parents.get(key, self._base.of(key)[1])
 
     def _world(self, key: Any, worlds: Mapping[Any, NdArray]) -> NdArray:
-        """(4, 4) world pose, where some have those of `worlds`."""
+        """(4, 4) world pose; `worlds` holds the poses known already."""
         if key in worlds:
             return worlds[key]
         local = self._placed.get(key, self._base.of(key)[0])
@@ -199,7 +199,7 @@ class Draw:
         return self._named(self.edit.transaction.edits[index].target) or f"edits[{index}]"
 
     def _named(self, ref: types.Ref) -> Any:
-        """The key of what a Ref names; 0: nothing."""
+        """Key of the object that a Ref names; 0: none."""
         if ref.HasField("created_by_edit"):
             return self._key_of(ref.created_by_edit)
         return self._base.ids.get(ref.name, ref.name) if ref.name else ref.id
@@ -226,7 +226,8 @@ class BasePoses:
         self._known: dict[Any, tuple[NdArray, int]] = {}
 
     def of(self, key: Any) -> tuple[NdArray, int]:
-        """((4, 4) parent_from_local, id of the parent or 0); of what a draw made, the identity."""
+        """((4, 4) parent_from_local, id of the parent or 0); the identity for an entity that the
+        draw made."""
         if not isinstance(key, int):
             return np.eye(4), 0
         self.learn([key])
@@ -238,7 +239,7 @@ class BasePoses:
         return {found.name: found.id for found in self.scene.describe(tree=True).objects}
 
     def learn(self, keys: Any) -> None:
-        """Asks for those that are not known, in one call."""
+        """Reads poses that are not known yet, in one call."""
         unknown = [key for key in dict.fromkeys(keys) if key not in self._known]
         if not unknown:
             return

@@ -36,11 +36,11 @@ _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
 
 class Folder:
-    """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (what the writer
-    returned, with what is needed to check a picture), manifests/000123.json, overlays/000123.bin
-    (a v1.Transaction) where the manifest has not got it; of what overlays name by SHA-256
-    blobs/SHA256, and decodings/SHA256.bin (a v1.DecodeAssetRequest, whose files are blobs) where
-    the daemon made it of files. Thread: any.
+    """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (the record of
+    the writer, and values to check a picture by), manifests/000123.json, overlays/000123.bin (a
+    v1.Transaction) where the manifest leaves it out; blobs/SHA256 that overlays name by hash, and
+    decodings/SHA256.bin (a v1.DecodeAssetRequest, whose files are blobs) where the daemon made the
+    bytes of files. Thread: any.
 
     Each file appears whole or not at all. The record comes last: with it the image is done.
     """
@@ -99,8 +99,8 @@ class Folder:
 
     @contextlib.contextmanager
     def partial(self, name: str | Path) -> Iterator[Path]:
-        """A path of this thread's own, of what is to be DIR/name; what is there when the block ends
-        goes."""
+        """Temporary path of this thread for DIR/name; a file there at the end of the block is
+        removed."""
         partial = self.own / "partial"
         path = partial / _named_for_me(Path(name).name)
         with self.explained(name):
@@ -157,7 +157,7 @@ class Folder:
         return self._record(index).exists()
 
     def keep(self, index: int, record: dict[str, Any], manifest: str, overlay: bytes) -> None:
-        """Notes that an image is done. Of a large overlay the manifest has a hash alone."""
+        """Notes that an image is done. The manifest has only the hash of a large overlay."""
         if overlay and '"overlay":{' not in manifest:
             self.put(f"{NAME}/overlays/{name_of(index)}.bin", overlay)
         else:  # that of an image that this one takes the place of
@@ -193,7 +193,7 @@ class Folder:
         return path.read_bytes() if path.exists() else None
 
     def keep_decoding(self, digest: bytes, request: bytes) -> None:
-        """Notes what was decoded to what that SHA-256 names, once."""
+        """Keeps the request whose decoding has that SHA-256, once."""
         path = self._decoding(digest)
         if not path.exists():
             self.put(path.relative_to(self.root), request)
@@ -273,7 +273,7 @@ def _is_alive(process: int) -> bool:
 
 
 def name_of(index: int) -> str:
-    """ "000123": what the files of an image are called."""
+    """Name of an image's files: "000123"."""
     return f"{index:06d}"
 
 

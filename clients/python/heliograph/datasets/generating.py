@@ -72,17 +72,17 @@ def generate(
     draws from draw.rng alone, so that every image is a pure function of (seed, i). writer: one or
     several, each with a directory of its own.
     indices: make these only, a shard; the one that makes the last missing image finishes the data
-    set. resume: images that are there are not made again; False: all are, or those of indices.
-    accept: gets the label columns of a draw, which are made before anything is shaded, once a
-    camera; when it says no the draw is rejected and drawn anew, up to `attempts` times. labels: the
-    columns that accept sees, and the frames too; by default all but masks for accept alone.
-    splits: {"train": 0.8, "val": 0.2}: shares, of draws. credits: how many draws are under way.
+    set. resume: True makes only missing images; False makes all, or all of `indices`, again.
+    accept: called once per camera with the label columns of a draw, before anything is shaded; if
+    it returns False, the draw is rejected and drawn anew, up to `attempts` times. labels: the
+    columns of accept and of the frames; by default all but masks, for accept alone.
+    splits: {"train": 0.8, "val": 0.2}: shares of the draws. credits: number of draws under way.
     progress: None shows a bar where one is watched; a callable gets hg.Progress of images.
-    options: those of Scene.render: size, max_depth, ...
+    options: of Scene.render: size, max_depth, ...
 
-    The scene is not to be edited meanwhile. Raises what the daemon raises, with the image's number
-    in front, and a RuntimeError that is caused by what else a randomizer or a writer raised; images
-    that are done stay.
+    Do not edit the scene meanwhile. Raises the daemon's errors, with the image's number in front,
+    and a RuntimeError for any other error of a randomizer or a writer, as its cause; images that
+    are done stay.
     """
     run = run_of(
         scene,

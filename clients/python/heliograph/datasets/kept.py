@@ -1,4 +1,4 @@
-"""An image of a data set that is there: rendered again from what the data set keeps. Used by
+"""Image of an existing data set, rendered again from the data set's own records. Used by
 `heliograph rerender` and `heliograph open`."""
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class KeptImage:
 
     @contextmanager
     def opened(self, client: Client) -> Iterator[Scene]:
-        """The scene before the randomizers, in that daemon, which has what the overlay names. It is
-        deleted at the end."""
+        """Opens the scene as it was before the randomizers in a daemon, with the uploads that the
+        overlay names. Deletes it at the end."""
         with client.load_scene(self.folder.scene_path) as scene:
             Kept(self.folder, client).bring(self.overlay)
             yield scene

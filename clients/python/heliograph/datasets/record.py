@@ -1,7 +1,7 @@
-"""The record of a data set, DIR/.heliograph/dataset.json: whoever makes it first owns the
-directory, and everybody else's run is the same or is refused. Used by generate() and its workers.
+"""The record of a data set, DIR/.heliograph/dataset.json: the first run to make it owns the
+directory, and any other run is the same or is refused. Used by generate() and its workers.
 
-It appears whole, and for one of all who try: by a link to a name that is free, which network file
+It appears whole, and for one of all runs that try: by a link to a free name, which network file
 systems decide as well (NFSv3 and later). Locks are used besides, where machines share them.
 """
 

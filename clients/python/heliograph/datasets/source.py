@@ -30,8 +30,8 @@ class Drawn(NamedTuple):
 
 @contextmanager
 def naming(index: int) -> Iterator[None]:
-    """Puts the image's number in front of what is raised; what is none of ours becomes the cause of
-    a RuntimeError."""
+    """Puts the image's number in front of errors; a foreign one becomes the cause of a
+    RuntimeError."""
     try:
         yield
     except HeliographError as error:
@@ -43,8 +43,8 @@ def naming(index: int) -> Iterator[None]:
 
 class Source:
     """Source of draws: number i of a seed, in the scene as it is now. Thread: any; the randomizer
-    and `accept` are called one at a time. Arguments are those of generate(); is_kept(SHA-256) is
-    True for bytes that the data set holds, which no upload needs to carry."""
+    and `accept` are called one at a time. Arguments are as of generate(); is_kept(SHA-256) is True
+    for bytes that the data set holds, which no upload needs to carry."""
 
     def __init__(
         self,
@@ -110,7 +110,7 @@ class Source:
         return self._render(cameras, overlay=edit, seed=seed, **options, **self._options)
 
     def stop(self) -> None:
-        """Cancels what is under way; what comes later, too."""
+        """Cancels the jobs under way, and any later one."""
         self._stopped = True
         for cancel in list(self._cancels):
             cancel()

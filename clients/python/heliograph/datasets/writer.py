@@ -1,4 +1,4 @@
-"""Writer: what puts images into files; and what it gets. The base of every format."""
+"""Writer, the base of every format, which puts images into files; and its arguments."""
 
 from __future__ import annotations
 
@@ -136,8 +136,8 @@ class Records:
 class Writer(ABC):
     """Puts images into files below a directory. Derive from it: docs/datasets.md, "A writer".
 
-    planes, labels: what it needs rendered, as of Scene.render; a class or an instance may set them.
-    Public attributes say which data set this is: one that has others is refused on resuming.
+    planes, labels: to render for it, as of Scene.render; a class or an instance may set them.
+    Public attributes identify the data set: a run with other values is refused on resuming.
     """
 
     planes: tuple[str, ...] = ("beauty",)
@@ -185,8 +185,8 @@ class Writer(ABC):
         has. Called by several threads at once, for different images in any order."""
 
     def finish(self, records: Records) -> None:  # noqa: B027, not every format has such files
-        """Called when all images are there, by whoever made the last one, perhaps again: writes
-        what is of the whole data set, from the records alone."""
+        """Writes the files of the whole data set, from the records alone. Called when all images
+        are there, by the run that made the last one, perhaps again."""
 
     def end(self) -> None:  # noqa: B027, few writers hold anything
         """Called when generate() ends, also by an error: gives back what begin() took."""
@@ -196,7 +196,8 @@ class Writer(ABC):
         self._folder.put(name, data)
 
     def file(self, name: str | Path) -> contextlib.AbstractContextManager[Path]:
-        """`with self.file("a.exr") as path:` the same for what is written by others to a path."""
+        """`with self.file("a.exr") as path:` does the same for a file that other code writes to a
+        path."""
         return self._folder.file(name)
 
     def put_picture(self, image: Image, below: str = "images") -> str:

@@ -1,6 +1,6 @@
 """Radiance and candela of lights. Used by the writers of files.
 
-As the daemon works it out from the units of docs/lights.md.
+The daemon derives the same from the units of docs/lights.md.
 """
 
 from __future__ import annotations

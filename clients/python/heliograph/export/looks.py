@@ -43,7 +43,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Field:
-    """A parameter: a number or (3,) colour, times what a texture gives, if any."""
+    """A parameter: a number or (3,) colour, times a texture's value, if any."""
 
     value: Any
     use: Use | None = None
@@ -55,7 +55,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Look:
-    """A material. fields: all its parameters. maps: normals and heights, those that it has."""
+    """A material. fields: all its parameters. maps: the normal and height maps that it has."""
 
     name: str
     fields: dict[str, Field]
@@ -82,7 +82,7 @@ class Look:
 
 
 def look_of(world: World, name: str, message: pb.Material) -> Look:
-    """Look of a Material, which has what is not its default."""
+    """Look of a Material message, which holds only parameters that are not the default."""
     fields, maps = {}, {}
     for field in pb.Material.DESCRIPTOR.fields:
         kind = field.message_type.name if field.message_type is not None else ""
@@ -170,7 +170,7 @@ class Picture:
         return out
 
     def values(self, use: Use, is_color: bool) -> NdArray:
-        """(H, W) or (H, W, 3): what a use of it gives."""
+        """Values (H, W) or (H, W, 3) that a use of the texture gives."""
         rgba = self.rgba()
         texels = rgba[..., :3] if is_color else rgba[..., use.channel]
         return texels * np.float32(use.scale) + np.float32(use.offset)

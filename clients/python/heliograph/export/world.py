@@ -69,8 +69,8 @@ class Dome:
 
 @dataclass
 class World:
-    """Scene by keys. entities: parents before their children. time: seconds. notes: what a file
-    cannot say."""
+    """Scene by keys. entities: parents before their children. time: seconds. notes: features that a
+    file lacks."""
 
     name: str
     blobs: dict[bytes, bytearray]
@@ -143,7 +143,7 @@ def _received(chunks: Iterable[service.SceneChunk]) -> tuple[Any, dict[bytes, by
 
 
 def _take(world: World, found: dict[int, Entity], number: int, edit: pb.Edit) -> None:
-    """An object that an edit makes, or what it adds to one."""
+    """Takes an object that an edit makes, or the components that it adds to one."""
     kind = edit.WhichOneof("action")
     if kind == "settings":
         world.time = edit.settings.time

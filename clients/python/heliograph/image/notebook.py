@@ -16,7 +16,7 @@ _ROWS = 500  # of a tree in a notebook; text has all
 
 
 def html_of_frame(frame: Frame) -> str:
-    """The picture of its first plane, exposed by itself, and a line of what it is."""
+    """Picture of the frame's first plane, automatically exposed, and a line that describes it."""
     host = frame.cpu()
     said = (
         f"{frame.width} x {frame.height}, {frame.samples} samples per pixel, camera "
@@ -56,7 +56,7 @@ class Tree:
         return "\n".join(lines)
 
     def html(self) -> str:
-        """Nested, what has children folds; a long one is cut, and says so."""
+        """Nested list whose parents fold; a long one is cut, and says so."""
         self._left = _ROWS
         body = "".join(self._html(found) for found in self.children.get(0, ()))
         total = sum(len(listed) for listed in self.children.values())

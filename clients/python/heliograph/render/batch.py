@@ -135,8 +135,8 @@ class _Batch:
 
 
 class Results:
-    """Iterates over Results as they are done. close(), from any thread, cancels what is under way;
-    so does letting go of it."""
+    """Iterates over Results as they are done. close(), from any thread, cancels the jobs under way;
+    so does letting go of the iterator."""
 
     def __init__(
         self, scene: Scene, jobs: Iterable[Job], credits: int, timeout: float | None

@@ -36,7 +36,7 @@ class Options(TypedDict, total=False):
     """Keyword arguments of Scene.render."""
 
     planes: Sequence[str | tuple[str, Named]]  #: names, default ["beauty"]: docs/planes.md
-    half: Sequence[str | tuple[str, Named]]  #: those of `planes` that come as float16
+    half: Sequence[str | tuple[str, Named]]  #: names among `planes` to send as float16
     spp: int  #: samples per pixel, at most
     seconds: float  #: stops after so long
     noise: float  #: stops below this mean relative standard error
@@ -44,7 +44,7 @@ class Options(TypedDict, total=False):
     time: float  #: seconds, default the scene's
     label_time: float  #: seconds, of the labels; default time
     frame_interval: float  #: seconds to the other end of flow; default the last advance()
-    hold: bool  #: what has no keys there stands still
+    hold: bool  #: entities without keys there stand still
     seed: int  #: of the random numbers, 64 bits; default 0
     labels: bool | Sequence[str] | Mapping[str, Any]  #: True, or names: docs/python.md
     overlay: Edits | None  #: of Scene.overlay()
@@ -82,7 +82,7 @@ def render_worlds(
         request = make_request(scene, cameras, options)
         loan = worlds.put(request.worlds, scene.client.store, mask)
         frame: WorldFrame = _run(scene, request, options)[0]
-        del loan  # the daemon has read what it is of
+        del loan  # the daemon has read its arrays
         return frame
 
     return _completed(scene, [*worlds.sources, *_sources(options)], ask)
@@ -243,7 +243,7 @@ def _ref(thing: Named) -> types.Ref:
 
 def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
     """ "depth", "disparity:right", ("disparity", camera) or "beauty:GROUP"; "beauty:" is the group
-    of what has none."""
+    of lights without one."""
     if isinstance(plane, tuple):
         name, argument = plane
         grouped = name == "beauty"

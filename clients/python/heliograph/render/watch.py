@@ -29,12 +29,6 @@ class AppliedEdit:
     names it by its id. ids: (N,) uint64 of the objects that it put, made, moved or removed; those
     of large arrays of poses are not listed. fields: the components that it put, e.g. ("pose",
     "light"). message: the Edit itself.
-
-    action: "entity", "mesh", "material", "texture", "volume", "remove", "instantiate", "instances",
-    "poses", "settings", "advance" or "prune". name: of its target, "" where the edit has none or
-    names it by its id. ids: (N,) uint64 of the objects that it put, made, moved or removed; those
-    of large arrays of poses are not told. fields: what it put, e.g. ("pose", "light"). message: the
-    Edit itself.
     """
 
     action: str
@@ -45,10 +39,10 @@ class AppliedEdit:
 
 
 class Change:
-    """A transaction of a scene, whoever sent it.
+    """Transaction of a scene, by any client.
 
-    revision: that it made. transaction: as it was sent; of an array that was uploaded only dtype
-    and shape. A bookmark (`.is_bookmark`) has none: nothing else happened up to its revision.
+    revision: the one it made. transaction: as it was sent; uploaded arrays have dtype and shape
+    only. A bookmark (`.is_bookmark`) has none: nothing else happened up to its revision.
     """
 
     def __init__(self, reply: service.WatchReply) -> None:

@@ -76,7 +76,7 @@ class Files:
 
     def _called(self, name: str) -> Iterator[Path]:
         """Packages of a name above the file, or within folders above it, and the file's own folder
-        and what is in it."""
+        and its folders."""
         for folder in (self.folder, *self.folder.parents):
             for found in (folder, folder / name):
                 is_own = folder == self.folder and found.is_dir()

@@ -22,8 +22,8 @@ _Made = TypeVar("_Made", Asset, Texture)
 
 
 class Library:
-    """roots: folders whose files may be read. warnings: what was left out of files that could not
-    be read, or that these say themselves."""
+    """Meshes and materials of a robot, each made once. roots: folders whose files may be read.
+    warnings: about files that could not be read, and of files themselves."""
 
     def __init__(self, roots: Sequence[Path]) -> None:
         self.roots = roots

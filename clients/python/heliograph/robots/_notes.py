@@ -30,7 +30,7 @@ class Notes:
             self.warnings.append(text)
 
     def leave_out(self, error: HeliographError) -> None:
-        """Does without what has a fault."""
+        """Warns of an element with a fault, which is left out; strict: raises."""
         if self.strict:
             raise error
         self.warn(f"{str(error).removeprefix(self._at())}; it is left out")

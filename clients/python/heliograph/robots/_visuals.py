@@ -25,7 +25,7 @@ _SIZES = {
 }
 
 
-_FLAT = 1e-4  # of the largest scale: what is left of a scale of 0, as in glTF files
+_FLAT = 1e-4  # of the largest scale: stands for a scale of 0, as in glTF files
 _BRIGHTEST = 2  # a number of a color above it is one of 0 to 255
 
 

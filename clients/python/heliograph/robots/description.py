@@ -1,5 +1,4 @@
-"""A robot as its file describes it: links, joints and what is to be seen of them. Made by urdf.py
-and mjcf/."""
+"""A robot as its file describes it: links, joints and visuals. Made by urdf.py and mjcf/."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ def decode(scene: Scene, source: Source, name: str | None) -> Asset:
 
 
 def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
-    """DecodeAsset, uploading what the daemon says is missing until nothing is."""
+    """Calls DecodeAsset, and uploads files that the daemon misses until it misses none."""
     decoding = Decoding(source.request())
     if source.path is not None:
         model = Path(source.path)
@@ -171,7 +171,7 @@ def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequ
 
 
 def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:
-    """Uploads a file whether or not the session had it; False: it is none of these."""
+    """Uploads a file, even if the session had it; False: it is none of these."""
     named = [file.path for file in decoding.request.files if file.sha256 == digest]
     if not named:
         return False

@@ -22,7 +22,7 @@ class Medium(TypedDict, total=False):
     density: Any  #: (X, Y, Z), >= 0: [i, j, k] is of the voxel there
     temperature: Any  #: (X, Y, Z), >= 0; None: nothing glows
     color: Any  #: (X, Y, Z, 3) in [0, 1], multiplies albedo; None: 1
-    axes: str  #: what the arrays' axes are, "xyz"; for (D, H, W) arrays "zyx"
+    axes: str  #: order of the arrays' axes, "xyz"; for (D, H, W) arrays "zyx"
     voxel_size: Any  #: metres, a number or (3,), of the density's voxels; 1
     origin: Any  #: (3,) metres, the corner of voxel [0, 0, 0] in the entity's coordinates; 0
     density_scale: float | None  #: 1/m, >= 0: extinction of density 1; 1

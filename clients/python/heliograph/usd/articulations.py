@@ -196,7 +196,7 @@ class _Maker:
             waiting.append(child)
 
     def _in_link(self, body: str) -> NdArray:
-        """(4, 4) link_from_prim: what the body is scaled."""
+        """(4, 4) link_from_prim: the scale of the body."""
         prim = self.context.stage.GetPrimAtPath(body)
         world = self.joints.world(prim)
         return self.context.thick(prim, np.linalg.inv(self.joints.rest[body]) @ world)
@@ -237,7 +237,7 @@ class _Maker:
         return ""
 
     def _between(self, body: str, above: str | None) -> Iterator[str]:
-        """A body's node and those that it is in, up to the one above all bodies."""
+        """A body's node and its ancestors, up to the one above all bodies."""
         at: str | None = body
         while at is not None and at != above:
             yield at

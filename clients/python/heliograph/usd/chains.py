@@ -29,7 +29,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A freedom with its name, what is before it, and its value where the stage stands."""
+    """A freedom with its name, the transform before it, and its value at rest."""
 
     name: str
     freedom: Freedom
@@ -75,7 +75,7 @@ class Chains:
         return [*made, fixed]
 
     def _steps(self, edge: Edge) -> tuple[list[_Step], NdArray]:
-        """The freedoms from parent to child, and what is behind the last."""
+        """Freedoms from parent to child, and the transform behind the last."""
         is_turned = edge.joints[0].bodies[0] != edge.parent
         parts = []
         for number, joint in enumerate(edge.joints):
@@ -144,7 +144,7 @@ def _names(name: str, freedoms: Sequence[Freedom]) -> dict[str, str]:
 
 
 def _short(paths: Sequence[str]) -> dict[str, str]:
-    """Names of prims; of those that share one the whole path. The world is called so."""
+    """Names of prims; prims that share one get their whole path. WORLD has a name, too."""
     count = Counter(path.rpartition("/")[2] for path in dict.fromkeys(paths))
     out = {}
     for path in paths:

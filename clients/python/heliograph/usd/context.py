@@ -45,7 +45,7 @@ class Context:
         return attribute.Get(self.time) if attribute else None
 
     def number(self, attribute: Any, default: float = 0.0) -> float:
-        """A finite number; what is none is noted and taken to be the default."""
+        """Finite number of an attribute; any other is noted and replaced by the default."""
         found = self.value(attribute)
         if found is None:
             return default
@@ -65,7 +65,8 @@ class Context:
         return float(code / self.stage.GetTimeCodesPerSecond())
 
     def codes(self, samples: Sequence[float], steps: bool = True) -> list[float]:
-        """The time codes of the keys of what has these samples; fewer than 2: it stands still.
+        """Time codes of the keys for an attribute with these samples; fewer than 2: it stands
+        still.
 
         steps: whole codes between the samples count too, as frames do, so that turns stay whole.
         """

@@ -57,7 +57,7 @@ _Size = Callable[[str, float], float]
 
 
 def _plane(size: _Size, along: tuple[str, str] = ("width", "length")) -> Geometry:
-    """along: its x and y; those of planes across X and Y are turned from Y and Z, Z and X."""
+    """Rectangle. along: its x and y; planes across X and Y have Y and Z, Z and X for them."""
     out = shapes.plane()
     scale = np.array([size(along[0], 2.0), size(along[1], 2.0), 1], "f4")
     out["positions"] = np.asarray(out["positions"]) * scale

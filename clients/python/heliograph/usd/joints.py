@@ -67,7 +67,8 @@ class Joints:
         return [joint for prim in self.context.stage.Traverse(PRIMS) for joint in self._read(prim)]
 
     def world(self, prim: Any) -> NdArray:
-        """(4, 4) root_from_local, with its scale; what is not finite is in the stage's origin."""
+        """(4, 4) root_from_local, with its scale; a transform that is not finite counts as the
+        identity."""
         local = matrix_of(self._cache.GetLocalToWorldTransform(prim))
         return self.context.up @ (local if np.isfinite(local).all() else np.eye(4))
 

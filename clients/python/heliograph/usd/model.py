@@ -28,7 +28,7 @@ class Notes:
         self._prims: dict[str, dict[str, None]] = {}
 
     def add(self, prim: Any, text: str) -> None:
-        """prim: its path, or what has GetPath()."""
+        """prim: its path, or an object with GetPath()."""
         path = str(prim.GetPath()) if hasattr(prim, "GetPath") else str(prim)
         self._prims.setdefault(text, {})[path] = None
 
@@ -86,10 +86,10 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Articulation:
-    """Bodies that joints connect. path: what it is called by. above: the path of the node that it
-    is beneath, None: the root; pose: (4, 4) of its first link there. bodies: by the path of their
-    nodes the link, and (4, 4) link_from_node. targets: of drives, by the joint's name. category:
-    that of its instance, "": what the call says."""
+    """Bodies that joints connect. path: its key. above: the path of the node that it is beneath,
+    None: the root; pose: (4, 4) of its first link there. bodies: by the path of their nodes the
+    link, and (4, 4) link_from_node. targets: of drives, by the joint's name. category: that of its
+    instance, "": that of the call."""
 
     path: str
     above: str | None

@@ -150,7 +150,7 @@ class Textures:
         return uv, self.uv_set(shader, name)
 
     def uv_set(self, shader: Any, name: str) -> int:
-        """The place of a primvar among those that the look reads."""
+        """Index of a primvar among those that the look reads."""
         read = self.look.primvars
         if name not in read and len(read) == 2:
             self.context.note(shader, f"a material reads 2 primvars at most: {read[0]} for {name}")

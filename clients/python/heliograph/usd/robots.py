@@ -20,7 +20,7 @@ class UsdRobot(Robot):
     """A Robot of a USD stage: its links are the bodies that joints connect.
 
     bodies: the link's name by the path of the prim. keyframes: (C,) values by name; "targets" are
-    those that the stage's drives draw to.
+    the targets of the stage's drives.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class UsdRobot(Robot):
 
 
 class RobotBuilder(Builder):
-    """Puts the links; what is to be seen of them is put as all of the stage."""
+    """Puts the links; their visuals are put like the rest of the stage."""
 
     def _put_visual(self, visual: Any, name: str, link: tuple[Entity, int]) -> None:
         raise AssertionError("a stage's bodies have no visuals of their own")

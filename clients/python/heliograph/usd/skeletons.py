@@ -19,7 +19,7 @@ from .model import Node
 
 
 def put(context: Context, roots: Sequence[Any], vertices: Mapping[str, NdArray]) -> None:
-    """Skins of all that is below SkelRoots. vertices: which points those of each mesh are."""
+    """Puts skins of meshes below SkelRoots. vertices: by mesh, the index of each vertex's point."""
     skins = _Skins(context, vertices)
     for root in roots:
         skins.add(root)

@@ -70,9 +70,9 @@ class DepthSensor:
     Active stereo: baseline to the projector, metres; disparity_noise, pixels; disparity_step,
     pixels, 0 for not quantised; lateral_noise, pixels.
     Time of flight: range_noise, metres at a signal of 1; it grows with 1 / sqrt(signal).
-    Both: window, pixels (odd), which are matched together or mixed; min_signal, below which nothing
-    is measured: a white matt surface at 1 m that faces the camera has 1; max_angle, radians between
-    ray and normal; min_depth, max_depth, metres, max_depth 0 for none.
+    Both: window, pixels (odd) that are matched together or mixed; min_signal, below which there is
+    no measurement: a white matt surface at 1 m that faces the camera has 1; max_angle, radians
+    between ray and normal; min_depth, max_depth, metres, max_depth 0 for none.
     """
 
     kind: str = "active_stereo"

@@ -154,7 +154,7 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "heliograph", ""
-    timeout = 60  # seconds that a client may take to say what it wants
+    timeout = 60  # seconds that a client may take for its request
 
     @property
     def viewer(self) -> Viewer:

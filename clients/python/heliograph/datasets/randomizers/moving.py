@@ -142,7 +142,8 @@ class RandomMotion:
 
     things: entities. speed: metres per second, in any direction. spin: radians per second about any
     axis through the entity's origin. interval: seconds of the step that led here; the scene's time
-    grows by it, and flow is backward over it. Run it last: what is placed later has jumped.
+    grows by it, and flow is backward over it. Run it last: a thing that is placed later has no
+    flow.
     """
 
     def __init__(

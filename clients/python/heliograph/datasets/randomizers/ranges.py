@@ -118,8 +118,8 @@ def whole(rng: np.random.Generator, given: Any) -> int:
 
 
 def color(rng: np.random.Generator, given: Any) -> NdArray:
-    """(3,) linear: of ((r, g, b), (r, g, b)) uniform between them; of one (r, g, b) that; of a
-    callable (rng) what it says."""
+    """Draws a linear colour (3,): uniform between ((r, g, b), (r, g, b)); one (r, g, b) as it is;
+    or the value of a callable (rng)."""
     if callable(given):
         return np.asarray(given(rng), dtype="f8")
     ends = np.asarray(given, dtype="f8")

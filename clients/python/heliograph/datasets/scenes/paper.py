@@ -32,11 +32,6 @@ class PaperScene:
     draws. models: files; a category each, by the file's name; default: bundled household goods.
     model_size: metres of their longest sides, 0: as they are. objects: their number, over all.
     roulette_depth: of Scene.render.
-
-    width, height: pixels; fov: radians along the width. seed: of what the scene is made of, not of
-    the draws. models: files; a category each, by the file's name; default: bundled household goods.
-    model_size: metres of their longest sides, 0: as they are. objects: how many, over all.
-    roulette_depth: of Scene.render.
     """
 
     width: int = 640

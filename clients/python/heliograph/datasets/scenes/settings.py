@@ -50,7 +50,7 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _beside(path: Path, names: Any) -> Any:
-    """Paths relative to a file; what is no list of them is left for make_scene() to refuse."""
+    """Paths relative to a file; make_scene() refuses anything but a list of them."""
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         return names
     return [str(path.parent / name) for name in names]

@@ -56,7 +56,7 @@ class Index:
 
 
 def read_index(path: Path, faults: Faults) -> Index:
-    """Reads a file once; what is wrong with its rows, ids and references is a fault."""
+    """Reads a file once; adds the faults of its rows, ids and references."""
     index = Index(path)
     category_ids: list[int] = []
     used: set[int] = set()

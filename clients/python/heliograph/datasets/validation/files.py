@@ -13,7 +13,7 @@ import numpy as np
 from ..._wire.arrays import NdArray
 from .report import Faults, Malformed
 
-OWN = ".heliograph"  # what a data set keeps about itself; no format's files
+OWN = ".heliograph"  # records of generate(); no format's files
 PICTURES = (".png", ".jpg", ".jpeg")
 _CHUNK = 1 << 20
 
@@ -104,11 +104,11 @@ class Row(NamedTuple):
 
 
 class JsonRows:
-    """The items of the arrays of a JSON file's top-level object one by one, and its other values,
-    in the file's order, in memory for one of them. keys: those that were met.
+    """Iterator over the items of the arrays of a JSON file's top-level object, and its other
+    values, in the file's order, with one of them in memory. keys: the ones met so far.
 
-    Bytes are decoded as Latin-1, a character each, so that positions are the file's; a value with
-    others than ASCII is decoded once more, as UTF-8.
+    Bytes are decoded as Latin-1, one character per byte, so that positions are the file's; a value
+    that is not ASCII is decoded once more, as UTF-8.
     """
 
     def __init__(self, path: Path) -> None:
@@ -143,7 +143,7 @@ class JsonRows:
         self.expect("]")
 
     def more(self) -> bool:
-        """Reads on, forgetting what is behind."""
+        """Reads on and drops the text already parsed."""
         found = self.file.read(max(_CHUNK, len(self.text)))
         self.start += self.at
         self.text, self.at = self.text[self.at :] + found.decode("latin-1"), 0

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 
 class Fault(NamedTuple):
-    """check: "coco.bbox"; file: relative to the data set; message: what was expected, what was
-    found, and how to fix it."""
+    """Fault of a data set. check: "coco.bbox"; file: relative to the data set; message: the
+    expected and the found value, and the remedy."""
 
     check: str
     file: str
@@ -33,10 +33,6 @@ class Report:
     formats: recognised, or asked for. faults: at most `limit` per check, in a fixed order. counts:
     check to the number of all its faults. checked: format to the number of pieces (images, scenes,
     shards or files) looked at. left_out: checks that could not be made, and why.
-
-    formats: those that were recognised or asked for. faults: at most `limit` a check, in a fixed
-    order. counts: check to the number of all its faults. checked: format to the number of pieces
-    (images, scenes, shards or files) looked at. left_out: checks that could not be made, and why.
     """
 
     directory: str
@@ -117,7 +113,7 @@ class Faults:
             self.kept.append(fault)
 
     def merge(self, other: Faults) -> None:
-        """Adds what another one has, after what is here."""
+        """Appends the faults and counts of another one."""
         for fault in other.kept:
             self._keep(fault)
         self.counts.update(other.counts)

@@ -119,7 +119,7 @@ def _guarded(one: Format, faults: Faults) -> Iterator[Task]:
 
 
 def run_task(name: str, task: Task, root: Path, limit: int) -> Faults:
-    """The faults of one task. What it cannot read at all is a fault of the check `format`."""
+    """Faults of one task. A file that cannot be read at all is a fault of the check `format`."""
     faults = Faults(name, FORMATS[name].checks, root, limit)
     try:
         task(faults)

@@ -159,7 +159,7 @@ def annotations_of(image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
 
 
 def keypoints_of(seen: tuple[NdArray, NdArray]) -> dict[str, Any]:
-    """The keys of keypoints of an annotation. What is outside the image is 0, 0, 0."""
+    """Keys of the keypoints of an annotation. A point outside the image is 0, 0, 0."""
     flat: list[float] = []
     for (x, y), state in zip(seen[0].tolist(), seen[1].tolist()):
         flat += [0, 0, 0] if state == OUTSIDE else [x, y, 2 if state == VISIBLE else 1]
@@ -170,7 +170,7 @@ def panoptic_of(
     image: Image, stuff: set[int], crowds: set[int]
 ) -> tuple[NdArray, list[dict[str, Any]]]:
     """((H, W, 3) uint8 of ids R + 256 G + 65536 B, segments_info). A thing's id is its label, stuff
-    has that of its first instance; what has no category is 0, void."""
+    has that of its first instance; pixels without a category are 0, void."""
     labels, ids = image.frame.labels, image.frame["instance"]
     rows = np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0))
     numbers = np.zeros(len(rows), dtype="<u4")

@@ -30,11 +30,11 @@ class Colmap(Writer):
     """COLMAP (Schoenberger & Frahm 2016): images, and sparse/0 with cameras.txt, images.txt and
     points3D.txt: known, not reconstructed.
 
-    points: how many are sampled on the surfaces of the scene, half of them uniform over the area of
-    all, half of them as many on each entity; the model has those that two images see, with their
-    tracks. The scene has to stand still: draws may move
-    the camera and change lights and materials. Poses are world-to-camera, OpenCV camera, metres;
-    the upper left pixel's centre is (0.5, 0.5): ours plus a half.
+    points: number to sample on the surfaces of the scene, half of them uniform over the whole area,
+    half of them as many on each entity; the model has the ones that two images see, with their
+    tracks. The scene has to stand still: draws may move the camera and change lights and materials.
+    Poses are world-to-camera, OpenCV camera, metres; the upper left pixel's centre is (0.5, 0.5):
+    ours plus a half.
     """
 
     picture: Picture

@@ -59,7 +59,8 @@ def _check(names: tuple[str, ...], skeleton: Skeleton, instance: str) -> None:
 
 
 def _edges(scene: Scene, root: int, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """The skeletons of the meshes of an entity and what is below it, by the keypoints' names."""
+    """Edges of the skeletons of the meshes of an entity and its descendants, by the keypoints'
+    names."""
     place = {name: i for i, name in enumerate(names)}
     edges = []
     for mesh in _meshes(scene, root):

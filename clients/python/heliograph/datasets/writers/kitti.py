@@ -192,7 +192,7 @@ def label_line(instance: Instance) -> str:
 
 
 def region_line(instance: Instance) -> str:
-    """A line of what is not to be trained on, nor held against a detector: its box alone."""
+    """Line of a DontCare region, neither trained on nor held against a detector: its box alone."""
     left, top, right, below = instance.box("bbox_amodal")
     return f"DontCare {_NO_POSE} {left} {top} {right - 1} {below - 1} {_NO_PLACE}\n"
 

@@ -62,7 +62,7 @@ def is_of_instances(name: str) -> bool:
 
 
 def _rows(labels: Mapping[str, Any], names: list[str], flat: bool) -> list[dict[str, Any]]:
-    """The columns as rows; what is not finite is None."""
+    """Columns as rows; values that are not finite are None."""
     columns = [_plain(labels[name], flat) for name in names]
     return [dict(zip(names, row)) for row in zip(*columns)]
 

@@ -1,4 +1,4 @@
-"""Meshes of glTF: one for each mesh and what it is made of. Source: glTF 2.0, 3.7.2."""
+"""Meshes of glTF: one for each mesh with its materials. Source: glTF 2.0, 3.7.2."""
 
 from __future__ import annotations
 

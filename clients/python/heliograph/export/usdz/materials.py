@@ -17,7 +17,7 @@ from ..looks import Field, Look, Picture, Use, look_of, picture_of, quantized
 from ..world import World
 from .stage import TOP, Stage
 
-NIT = LUMENS_PER_WATT  #: what of USD's numbers is 1 W sr^-1 m^-2: USD counts in cd/m^2
+NIT = LUMENS_PER_WATT  #: USD's number for 1 W sr^-1 m^-2: USD counts in cd/m^2
 _TYPES = Sdf.ValueTypeNames
 _SHEAR = 1e-5
 _SIGNED, _BELOW = (2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0)  # of normal maps

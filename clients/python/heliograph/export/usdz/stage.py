@@ -17,7 +17,7 @@ from ..motion import Track
 
 FRAMES = 24.0  #: time codes a second
 TOP = "/World"
-_SHARP = 1024  # texels, of what is enlarged to stay sharp
+_SHARP = 1024  # texels, of pictures enlarged to stay sharp
 
 
 class Stage:
@@ -66,7 +66,7 @@ class Stage:
 
     def picture(self, picture: Picture) -> Any:
         """The asset path of a file with a picture: PNG, or EXR where texels are floats. Grey is
-        written as RGB; what is not filtered is enlarged."""
+        written as RGB; pictures that are not filtered are enlarged."""
         texels = picture.texels
         if picture.nearest:  # USD has no such filter
             texels = texels.repeat(_SHARP // max(texels.shape[:2]) or 1, 0)

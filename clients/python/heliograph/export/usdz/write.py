@@ -1,4 +1,4 @@
-"""A world to a USDZ file: prims with what they have. Needs pxr."""
+"""Writes a world to a USDZ file: prims with their meshes, lights and cameras. Needs pxr."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHAPES = "/Shapes"
 
 
 def write(world: World, path: Path) -> None:
-    """Writes the file; what it cannot say is in world.notes."""
+    """Writes the file; world.notes names features that it lacks."""
     with tempfile.TemporaryDirectory(prefix="heliograph-usdz-") as folder:
         writer = _Writer(world, Path(folder))
         writer.put()
@@ -86,7 +86,7 @@ class _Writer:
         note_rest(self.world, entity, True)
 
     def _prim(self, entity: Entity, path: str) -> Any:
-        """The prim of an entity, of the kind of what it has first; the rest lies below it."""
+        """Prim of an entity, of the kind of its first component; the others lie below it."""
         makers = self._makers(entity)
         prim = None
         while makers and prim is None:

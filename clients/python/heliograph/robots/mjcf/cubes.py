@@ -40,7 +40,8 @@ def looked_up(texels: NdArray, directions: NdArray) -> NdArray:
 
 
 def lat_long(texels: NdArray, turned: Callable[[NdArray], NdArray], height: int = 512) -> NdArray:
-    """(height, 2 height, C) as edit.dome() takes it. turned: of directions to those of the cube."""
+    """Picture (height, 2 height, C) for edit.dome(). turned: rotates directions to those of the
+    cube."""
     phi = 2 * np.pi * (0.5 - (np.arange(2 * height) + 0.5) / (2 * height))
     theta = np.pi * (np.arange(height)[:, None] + 0.5) / height
     directions = np.stack(

@@ -59,8 +59,8 @@ def _put_tendon(builder: MjcfBuilder, number: int, name: str) -> None:
 
 
 def _path(model: Any, data: Any, number: int) -> tuple[NdArray, NdArray, bool]:
-    """Its straight pieces at qpos0, (S, 2, 3) in the world; the bodies of their ends, (S, 2);
-    whether some wind around a geom."""
+    """Straight pieces of a tendon at qpos0, (S, 2, 3) in the world; the bodies of their ends, (S,
+    2); True if some wind around a geom."""
     first, count = int(data.ten_wrapadr[number]), int(data.ten_wrapnum[number])
     points = np.array(data.wrap_xpos).reshape(-1, 3)[first : first + count]
     objects = np.array(data.wrap_obj).ravel()[first : first + count]

@@ -111,8 +111,9 @@ def _scaled(given: Geometry, size: tuple[float, ...]) -> Geometry:
 
 
 def _repeated(given: Geometry, shape: Shape, repeat: NdArray) -> NdArray:
-    """(V, 2): those of the surface, or of the picture from above over the whole object, which an
-    infinite plane has every two units. MuJoCo repeats it from its upper left corner on."""
+    """Texture coordinates (V, 2): those of the surface, or of a picture projected from above over
+    the whole object, every two units on an infinite plane. MuJoCo repeats it from its upper left
+    corner on."""
     half = np.array(shape.size[:2])
     if shape.kind == "plane" and not half.all():
         s, t = (0.5 * repeat * (1, -1) * np.asarray(given["positions"])[:, :2] - 0.5).T

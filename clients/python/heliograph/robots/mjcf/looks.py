@@ -20,14 +20,15 @@ if TYPE_CHECKING:
     from ...client.edit import Edits
     from ...scene.patches import Parameters
 
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # the rgba of what has none: that of its material goes before it
-_SPECULAR = _SHININESS = 0.5  # of what has no material
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # default rgba; a material's own goes before it
+_SPECULAR = _SHININESS = 0.5  # of a geom without a material
 _ROLES = ("RGB", "RGBA", "ROUGHNESS", "METALLIC", "NORMAL", "ORM")
 
 
 @dataclass(frozen=True)
 class Look:
-    """material: its number, -1 for none. rgba: sRGB. mirror: whether its kind shows reflectance."""
+    """Look of a geom. material: its number, -1 for none. rgba: sRGB. mirror: True if its kind shows
+    reflectance."""
 
     material: int
     rgba: tuple[float, ...]
