@@ -87,7 +87,7 @@ def versions_of(packages: Iterable[str]) -> dict[str, str]:
 def compiled_in(build: pathlib.Path) -> dict[str, str]:
     """Package -> "static" or "headers": what a tree's programs have of others in them."""
     if not (build / "build.ninja").exists():
-        sys.exit(f"sbom: {build} is no tree of Ninja, so what was compiled in is not known")
+        sys.exit(f"sbom: {build} is no tree of Ninja, so the files compiled in are not known")
     ninja = "ninja", "-C", build.resolve(), "-t"
     inputs = said(*ninja, "inputs", *PROGRAMS).splitlines()
     objects = [line for line in inputs if line.endswith(".o") and not line.startswith("/")]

@@ -27,7 +27,7 @@ def repair(path: pathlib.Path, changes: dict[str, str]) -> None:
     text = path.read_text()
     for old, new in changes.items():
         if old not in text:
-            raise SystemExit(f"{path} has not what is repaired: {old}")
+            raise SystemExit(f"{path} lacks the text to repair: {old}")
         text = text.replace(old, new)
     path.write_text(text)
 

@@ -21,8 +21,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; its exit status."""
     parser = argparse.ArgumentParser(
         prog="scripts/replay",
-        description="Plays what `heliographd --record` wrote against a private daemon, or the one "
-        "at --address, and tells of each call whether its answer is the same: revisions, ids, "
+        description="Plays a recording of `heliographd --record` against a private daemon, or the "
+        "one at --address, and tells of each call whether its answer is the same: revisions, ids, "
         "statuses, and every pixel. The same program on the same CPU gives the same.",
         epilog="Exit status: 0 the same, 1 different or failed, 2 wrong usage, 130 interrupted.",
     )

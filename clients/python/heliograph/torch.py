@@ -109,7 +109,7 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
             return self._items(0, 1)
         if self.options.get("device") == "cuda":
             raise InvalidArgument(
-                "device: what is on a GPU cannot leave a worker; use num_workers=0, as Frames "
+                "device: frames on a GPU cannot leave a worker; use num_workers=0, as Frames "
                 "render ahead by themselves, or device='cpu' with pin_memory=True",
                 field="device",
             )

@@ -181,8 +181,8 @@ class Connection:
             return Unavailable("this client was closed in the middle of the call")
         if self.resume(link, failed):
             return Unavailable(
-                "the daemon was restarted, and the session goes on: ask again; what was not "
-                "durable is gone"
+                "the daemon was restarted, and the session goes on: ask again; anything "
+                "that was not durable is gone"
             )
         return self._lost(failed)
 

@@ -75,7 +75,7 @@ class DeviceArray:
                 ".numpy() is a copy on the host"
             )
         if copy:
-            raise BufferError("is exported without a copy only: copy what the consumer makes of it")
+            raise BufferError("is exported without a copy only: copy the consumer's array")
         tensor = dlpack.Tensor(
             self.pointer,
             *(*here, len(self.shape)),

@@ -45,7 +45,7 @@ def capsule(owner: object, tensor: Tensor) -> Any:
         raise BufferError(
             f"no {LIBRARY} beside heliographd, without which there is no DLPack here: take it from "
             f"a bundle or a build of heliographd, and copy it to {folder} or set HELIOGRAPHD to "
-            "the daemon beside it; torch() and what reads __cuda_array_interface__ do without"
+            "the daemon beside it; torch() and readers of __cuda_array_interface__ need no library"
         )
     return function(owner, ctypes.byref(tensor))
 

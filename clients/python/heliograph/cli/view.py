@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
         "view",
         help="look at a model or a scene in a browser",
         description="Serves one page on loopback and prints its address, which has a token in it: "
-        "who knows it sees the scene. Ctrl-C ends it.",
+        "anyone who has it sees the scene. Ctrl-C ends it.",
     )
     parser.add_argument(
         "model",

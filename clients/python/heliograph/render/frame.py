@@ -62,8 +62,8 @@ class Rendered:
         if isinstance(found, DeviceArray):
             raise FailedPrecondition(
                 f"{plane}: lies in the GPU's memory; frame.torch({plane!r}) is a tensor there, "
-                f"frame.on_device({plane!r}) what other libraries take, frame.cpu() a frame on the "
-                "host"
+                f"frame.on_device({plane!r}) an array for other libraries, frame.cpu() a frame "
+                "on the host"
             )
         return found
 

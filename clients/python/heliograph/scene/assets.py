@@ -61,7 +61,7 @@ class Source:
             raise InvalidArgument("give path or server_path", field="path")
         if companions.allowed(self.folders) and self.path is None:
             raise InvalidArgument(
-                "folders: serve files of this machine; the daemon reads what is beneath its asset "
+                "folders: serve files of this machine; the daemon reads files beneath its asset "
                 "root",
                 field="folders",
             )

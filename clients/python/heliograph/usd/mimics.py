@@ -32,7 +32,7 @@ def put(
             follower, leader = _name(names, one.path, token), _name(names, path, axis)
             why = _fault(by_name, follower, leader)
             if why:
-                context.note(one.path, f"what it follows is left out: {why}")
+                context.note(one.path, f"the joint that it follows is ignored: {why}")
                 continue
             scale = scales[follower]
             mimic = Mimic(leader, factor * scale / scales[leader], first * scale)

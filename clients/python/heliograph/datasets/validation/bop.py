@@ -37,9 +37,9 @@ CHECKS = {
     "image_files": "picture, depth and masks of an image are there and of one size",
     "camera": "cam_K is row-wise with positive focal lengths, depth_scale is positive",
     "poses": "rotations are orthonormal with determinant 1",
-    "behind": "what is seen is before the camera (t_z > 0)",
+    "behind": "visible instances are before the camera (t_z > 0)",
     "objects": "obj_id names a model",
-    "models": "models_info.json is what the PLY files have: box, diameter, symmetries; the origin "
+    "models": "models_info.json agrees with the PLY files: box, diameter, symmetries; the origin "
     "is the box's centre",
     "units": "translations, models and depth are in mm: depth at the mask against |t|, sizes",
     "depth": "depth is 16-bit grey, along the optical axis, and lies within the object where it "

@@ -75,8 +75,8 @@ class _Image:
                 self._fault(
                     "mask_disjoint",
                     instance,
-                    f"shares pixels with instance {owner[instance.seen].max() - 1}: a pixel is of "
-                    "the nearest one only",
+                    f"shares pixels with instance {owner[instance.seen].max() - 1}: a pixel "
+                    "belongs to the nearest one only",
                 )
             owner[instance.seen] = instance.number + 1
             self._info(instance, depth)
@@ -213,7 +213,7 @@ class _Image:
                 "bbox_visib",
                 instance,
                 f"bbox_visib is {info['bbox_visib']}: needs {expected_box} (width and height are "
-                "last - first; -1 of what is not seen)",
+                "last - first; -1 for a hidden instance)",
             )
         self._box_of_all(instance)
 
@@ -225,7 +225,7 @@ class _Image:
                 self._fault(
                     "bbox_obj",
                     instance,
-                    f"bbox_obj is {given}: of what is not seen it is {_HIDDEN}",
+                    f"bbox_obj is {given}: a hidden instance has {_HIDDEN}",
                 )
             return
         inner = _box(whole)

@@ -24,7 +24,8 @@ from .report import Faults
 CHECKS = {
     "format": "files are JSON with images, categories and annotations and their fields",
     "ids": "ids of images, annotations and categories are unique; the latter two start at 1",
-    "references": "image_id and category_id name what is there, skeletons name keypoints",
+    "references": "image_id and category_id name images and categories of the file, "
+    "skeletons name keypoints",
     "image_files": "each image's file is there and has its width and height",
     "counts": "as many pictures as images, as many images as the data set was to have",
     "segmentation": "run lengths are of the image's size and fill it, polygons have 3 points or "

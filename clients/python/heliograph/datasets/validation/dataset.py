@@ -66,7 +66,7 @@ def check_counts(own: Path, names: list[str], faults: Faults) -> None:
             own,
             f"{len(names) - len(missing)} of {len(names)} images{a_set} are there, the first that "
             f"is missing is {Path(missing[0]).stem}: call generate() again with the same "
-            "arguments, it makes what is missing",
+            "arguments, it makes the missing ones",
         )
     elif format_name:
         _check_files(own.parent, format_name, faults)
@@ -100,7 +100,7 @@ def _check_files(root: Path, format_name: str, faults: Faults) -> None:
             "files",
             root,
             f"all images of a {format_name} set are done, and its files are not there, such as "
-            f"{named.looks_for}: copy them, or call generate() again, which writes what is of the "
+            f"{named.looks_for}: copy them, or call generate() again, which writes those of the "
             "whole set; with resume=False all",
         )
     elif named is None and not any(one.found(root) for one in WRITTEN.values()):

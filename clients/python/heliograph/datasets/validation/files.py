@@ -88,7 +88,7 @@ def read_yaml(path: Path) -> dict[Any, Any]:
         raise Malformed(path, f"is no YAML ({reason}): write it anew") from None
     if aliases:
         line = aliases[0].start_mark.line + 1
-        raise Malformed(path, f"line {line} has an alias (*name): write out what it stands for")
+        raise Malformed(path, f"line {line} has an alias (*name): write its value out")
     if not isinstance(found, dict):
         raise Malformed(path, f"holds a {type(found).__name__}: needs lines of `name: value`")
     return found

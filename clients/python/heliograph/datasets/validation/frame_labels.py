@@ -64,7 +64,7 @@ class Shot:
                 seen = self.lens.K
                 self.report(
                     "camera",
-                    f"K has fx, fy, cx, cy {_four(self.K)}, and what is seen says {_four(seen)}: "
+                    f"K has fx, fy, cx, cy {_four(self.K)}, and the points say {_four(seen)}: "
                     "it is of the rendered size, integers are pixel centres",
                 )
         return self.lens
@@ -75,7 +75,7 @@ class Shot:
 
     def _other_lens(self) -> None:
         if self.named is None or self.has_table:
-            reason = "what is seen is of no pinhole, and the file has no projection and distortion"
+            reason = "the points fit no pinhole, and the file has no projection and distortion"
             if self.has_table:
                 reason = "a ray table tells no place in the image"
             for check in ("corners", "keypoints"):
@@ -84,8 +84,8 @@ class Shot:
             kind, told = self.named.kind, list(self.named.distortion)
             self.report(
                 "camera",
-                f"projection {kind} with distortion {told} does not bring what is seen to its "
-                "pixels, whatever K is: write the lens of this camera",
+                f"projection {kind} with distortion {told} does not bring points to their "
+                "pixels, for any K: write the lens of this camera",
             )
 
 

@@ -29,14 +29,14 @@ CHECKS = {
     "semantic": "pixels of an instance have its category's id, others 0",
     "part": "is 1 or more on an instance, else 0",
     "nocs": "nocs is 0.5 + (object point - box_center) / box diagonal",
-    "object_points": "world_from_object brings the point of object_coordinates to position (not of "
-    "what deforms)",
+    "object_points": "world_from_object brings the point of object_coordinates to position (for "
+    "rigid instances)",
     "flow": "there is one camera pose in which position + scene_flow is seen where flow_forward "
     "leads, within 0.05 px",
-    "flow_visible": "what is visible there is valid and within the image",
+    "flow_visible": "flow to a visible point is valid and leads into the image",
     "disparity": "disparity times depth is one number, focal length times baseline",
 }
-_NO_LENS = "what is seen is of no pinhole, and the file has no projection and distortion"
+_NO_LENS = "the points fit no pinhole, and the file has no projection and distortion"
 _PIXEL = 0.01  # px
 _FLOW = 0.05  # px
 

@@ -36,7 +36,7 @@ CHECKS = {
     "intrinsics": "fl_x, fl_y, w, h are positive, cx, cy near the picture, camera_angle_x is "
     "2 atan(w / (2 fl_x))",
     "poses": "transform_matrix is 4x4 by rows, rigid, without scale",
-    "convention": "cameras look down -z at what they have in common (OpenGL), not away from it",
+    "convention": "cameras look down -z at a common point (OpenGL), not away from it",
     "ids": "file_path names a picture once",
     "counts": "as many frames as images asked for",
 }

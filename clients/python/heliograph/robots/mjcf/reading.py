@@ -182,7 +182,7 @@ def _left_out(source: Compiled) -> list[str]:
         out.append(f"flex {name!r} is left out: deformable bodies are not read")
     if model.neq:
         out.append(
-            f"{model.neq} equality constraints are not kept: joints are where their values say; "
+            f"{model.neq} equality constraints are not kept: joints follow their values; "
             "give those of a simulation"
         )
     return out
