@@ -29,7 +29,7 @@ import numpy as np  # noqa: E402
 import setting  # noqa: E402
 import side  # noqa: E402
 
-Found = dict[str, Any]  # what a renderer's script writes
+Found = dict[str, Any]  # file of a renderer's script
 RENDERERS = ("ours", "mitsuba", "cycles")
 
 

@@ -49,7 +49,7 @@ def mean_colour(texels):
 
 
 def serve(read):
-    """Answers paths with what `read` finds. What libraries print goes to stderr."""
+    """Answers paths with the facts of `read`. Output of libraries goes to stderr."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:

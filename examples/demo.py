@@ -132,7 +132,7 @@ def randomise(edit: hg.Edits, rng: np.random.Generator) -> None:
 
 
 def jsonable(column: object) -> object:
-    """A label column as lists; what is not a number is null."""
+    """A label column as lists; null for numbers that are not finite."""
     values = np.asarray(column)
     if values.dtype.kind == "f":
         return np.where(np.isfinite(values), values.astype(object), None).tolist()

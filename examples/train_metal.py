@@ -48,7 +48,7 @@ def build(scene: hg.Scene) -> None:
 
 
 def label() -> np.ndarray:
-    """(64, 64, 3) uint8: what is printed on the can; its top is not its bottom."""
+    """Print of the can, (64, 64, 3) uint8; its top is not its bottom."""
     picture = np.full((64, 64, 3), (200, 200, 205), np.uint8)
     picture[:20] = (190, 60, 50)
     picture[44:, ::16] = picture[44:, 1::16] = (40, 60, 120)
@@ -71,7 +71,7 @@ def lamps(rng: np.random.Generator) -> np.ndarray:
 
 
 class Shuffle:
-    """Poses, materials and light of an image; those of the tests are not among the others."""
+    """Draws poses, materials and light of an image; test images use others than training."""
 
     def __init__(self, scene: hg.Scene, is_test: bool) -> None:
         self.is_test = is_test

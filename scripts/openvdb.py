@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Puts the sources of OpenVDB and NanoVDB where CMake finds them: .venv/openvdb.
 
-They are those that Debian's package `openvdb` is built from. Its library is not used: it loads a
-logger that starts threads (docs/decisions/048). Run by scripts/setup.
+Debian's package `openvdb` is built from them. Its library is not used: it loads a logger that
+starts threads (docs/decisions/048). Run by scripts/setup.
 
 usage: scripts/openvdb.py
 """

@@ -1,9 +1,9 @@
 """The contents of a bundle or a wheel, as CycloneDX 1.5 JSON. Used by scripts/bundle and
 scripts/wheel.
 
-Nothing is listed by hand: packages are those that brought the files inside (dpkg), those whose
-headers the build tree says were compiled in (Ninja), and those that pip unpacked; beside them
-sources that were compiled in. A file of unknown origin ends the program.
+Nothing is listed by hand: packages that brought the files inside (dpkg), packages whose headers
+were compiled in by the build tree (Ninja), packages that pip unpacked, and sources that were
+compiled in. A file of unknown origin ends the program.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def is_elf(path: pathlib.Path) -> bool:
 
 
 def owners(paths: Iterable[pathlib.Path]) -> dict[pathlib.Path, str]:
-    """The package that brought each file, which may be listed without its /usr. What no package
-    brought is left out."""
+    """The package that brought each file, which may be listed without its /usr. Files of no package
+    are left out."""
     listed = [text for path in paths for text in (str(path), str(path).removeprefix("/usr"))]
     found = subprocess.run(["dpkg", "-S", *listed], capture_output=True, text=True).stdout
     owner = {line.split(": ")[1]: line.split(":")[0] for line in found.splitlines()}
@@ -85,7 +85,7 @@ def versions_of(packages: Iterable[str]) -> dict[str, str]:
 
 
 def compiled_in(build: pathlib.Path) -> dict[str, str]:
-    """Package -> "static" or "headers": what a tree's programs have of others in them."""
+    """Package -> "static" or "headers", for packages compiled into a tree's programs."""
     if not (build / "build.ninja").exists():
         sys.exit(f"sbom: {build} is no tree of Ninja, so the files compiled in are not known")
     ninja = "ninja", "-C", build.resolve(), "-t"

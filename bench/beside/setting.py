@@ -16,7 +16,7 @@ import numpy as np
 SIZE = 64  # pixels, square
 HALF_VIEW = 1.1  # metres from the middle of the picture to its edge; the ball's radius is 1
 RINGS = 6  # of equal width: 7, 15, 24, 35, 47 and 63 degrees to the normal on average
-DISC = 1 - 2 * HALF_VIEW / SIZE  # radius of what is measured: a pixel less than the ball's
+DISC = 1 - 2 * HALF_VIEW / SIZE  # radius that is measured: a pixel less than the ball's
 SPOT_DEGREES = (0, 6, 12, 20, 30, 45, 60)  # of the normal to the half vector of lamp and camera
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 MAX_DEPTH = 40  # path edges: a hundredth of the light is left in rough glass of index 2

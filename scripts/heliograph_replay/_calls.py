@@ -332,7 +332,7 @@ def told(answer: Any) -> str:
 
 
 def _compare(method: str, was: Any, found: Any) -> None:
-    """Raises Differs. Of errors the code and the field are compared, of replies COMPARED."""
+    """Raises Differs. Compares the code and the field of errors, and COMPARED of replies."""
     if isinstance(was, HeliographError) or isinstance(found, HeliographError):
         if key_of(was) != key_of(found):
             raise Differs(f"{told(found)}; it was {told(was)}")

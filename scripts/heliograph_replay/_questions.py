@@ -58,7 +58,7 @@ class Questions:
             answers.close()
 
     def begin(self, call: Call) -> None:
-        """Begins a Watch where it began; what it tells is kept until it is compared."""
+        """Begins a Watch where it began; keeps its answers until they are compared."""
         first = self._recording.reply(call, call.replies[0])
         request = self._for_here(call, None)
         request.from_revision = first.revision + 1

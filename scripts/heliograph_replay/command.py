@@ -1,5 +1,4 @@
-"""The command scripts/replay: plays what a daemon recorded, and tells whether the answers are the
-same."""
+"""The command scripts/replay: plays a daemon's recording and compares the answers."""
 
 from __future__ import annotations
 

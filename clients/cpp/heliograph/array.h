@@ -1,4 +1,4 @@
-// Dense arrays, in and out: what calls take, and what planes, columns and read-back give.
+// Dense arrays, in and out: arguments of calls, and planes, columns and read-back.
 #pragma once
 
 #include <array>

@@ -27,7 +27,7 @@ v1::Edit* add_edit(Draft& draft, Mode mode = Mode::kUpsert) {
   return edit;
 }
 
-/// Runs what fills the last edit; takes the edit back if that fails.
+/// Calls the function that fills the last edit; takes the edit back if that fails.
 template <class Fill>
 void fill_edit(Draft& draft, const Fill& fill) {
   try {

@@ -92,7 +92,7 @@ class Edits {
   Entity instance(const Asset& asset, const std::string& name, const Placement& placement = {});
 
   /// kFailedPrecondition lists who still uses one; `cascade` removes an entity's children too and
-  /// unbinds what refers to it.
+  /// unbinds references to it.
   void remove(const std::vector<Ref>& things, bool cascade = false);
   void remove(const Ref& thing, bool cascade = false) { remove(std::vector<Ref>{thing}, cascade); }
   /// Removes every mesh, material, texture and volume that nothing refers to.

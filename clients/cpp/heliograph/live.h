@@ -50,8 +50,8 @@ class OnePass {
   std::optional<Item> item_{};
 };
 
-/// Item of Scene::render_batch. Of its options, progress, on_pass, timeout and cancellation belong
-/// to the whole batch and are refused here.
+/// Item of Scene::render_batch. The options progress, on_pass, timeout and cancellation belong to
+/// the whole batch and are refused here.
 struct Job {
   std::vector<Ref> cameras;
   RenderOptions options{};

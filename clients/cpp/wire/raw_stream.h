@@ -1,4 +1,4 @@
-// A call whose replies stay bytes: Render, RenderBatch, Stream. Used by what puts frames together.
+// A call whose replies stay bytes: Render, RenderBatch, Stream. Used by the receivers of frames.
 #pragma once
 
 #include <grpcpp/generic/generic_stub.h>

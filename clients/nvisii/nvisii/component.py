@@ -72,7 +72,7 @@ class Component:
         self.mark_dirty()
 
     def _release(self) -> None:
-        """Gives up what this component uses."""
+        """Gives up the components that this one uses."""
 
     def _lose(self, used: Component) -> None:
         """Something that this component uses was removed."""

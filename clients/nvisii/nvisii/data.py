@@ -1,4 +1,4 @@
-"""render_data(): one quantity of what each pixel's centre meets, as four floats a pixel."""
+"""render_data(): one quantity of the path through each pixel's centre, as four floats per pixel."""
 
 from __future__ import annotations
 
@@ -118,7 +118,8 @@ def _three(option: Option, shot: Shot) -> Any:
 
 
 def _of_paths(size: tuple[int, int], option: Option, paths: int, which: tuple[int, int]) -> Any:
-    """(H, W, 3) of a later vertex: over the paths that get there; else what stands for nothing."""
+    """(H, W, 3) of a later vertex: mean over the paths that get there; elsewhere the background
+    value."""
     bounce, seed = which
     planes = tuple(dict.fromkeys((*option.planes, "distance", "position")))
     total: Any = 0.0
@@ -148,7 +149,7 @@ def _mean(name: str) -> Option:
 
 
 def _or(name: str, background: float) -> Option:
-    """A plane, and what stands where nothing is met."""
+    """Plane, with a value for pixels that meet nothing."""
 
     def values(shot: Shot) -> Any:
         plane = shot.frame[name]

@@ -1,4 +1,5 @@
-"""nvisii.entity: a thing in the world, of a transform and what else it has."""
+"""nvisii.entity: a thing in the world: a transform with a mesh, a material, a light, a camera, a
+volume."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Mirror:
         self._sky: Any = None  # the texture of the sky, the same for every sky
 
     def push(self, view: View) -> Any:
-        """Sends what changed; the handle of the camera that sees `view`."""
+        """Sends the changes; returns the handle of the camera that sees `view`."""
         work = _Push(self)
         with Parts(self.scene) as parts:
             work.fill(parts, view)

@@ -14,8 +14,9 @@ PART_BYTES = 8 << 20  # half of a daemon's default limit
 class Parts:
     """`with Parts(scene) as parts:` edits go to parts.edit; room() may be called between two.
 
-    What fits one message is one transaction. More of it goes to a branch, which `scene` denotes
-    from then on, and the scene as it was is deleted at the end, or denoted again on an exception.
+    Parts of a picture's changes. Changes that fit one message are one transaction. More of them go
+    to a branch, which `scene` denotes from then on, and the scene as it was is deleted at the end,
+    or denoted again on an exception.
     """
 
     def __init__(self, scene: hg.Scene) -> None:

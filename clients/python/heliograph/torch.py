@@ -36,7 +36,7 @@ _SOURCE = ("accept", "attempts")
 
 
 class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
-    """Images drawn from a scene: an IterableDataset of what `item` makes of each.
+    """Images drawn from a scene: an IterableDataset of the results of `item`.
 
     Image i is drawn from (seed, i) alone, as generate() does it: of draw i // C seen by camera
     i % C of C. It is rendered on a branch of the scene as it was when Frames was made, so that

@@ -148,7 +148,8 @@ class Device:
             driver.call("cuMemcpyDtoH_v2", to, address, out.nbytes)
 
     def copy(self, to: int, source: int, nbytes: int, stream: int | None) -> None:
-        """Copies on the GPU what work in a stream, or with None in any, writes there. Waits."""
+        """Copies, on the GPU, bytes written by earlier work in a stream, or with None in any.
+        Waits."""
         with self.current() as driver:
             if stream is None:
                 driver.call("cuCtxSynchronize")

@@ -104,7 +104,7 @@ class Link:
                     raise
 
     def _share(self) -> None:
-        """Sets up what else the local channel carries: shared buffers and quick calls."""
+        """Sets up the other uses of the local channel: shared buffers and quick calls."""
         self.shared = share_frames(self._local_channel, self.server.capabilities)
         self.quick = open_fast_path(self._local_channel, self.server.capabilities)
         if self._local_channel is not None:
@@ -168,7 +168,7 @@ class Link:
         )
 
     def keep(self, daemon: Any) -> None:
-        """A private daemon lives as long as what refers to the session."""
+        """Keeps a private daemon alive as long as objects refer to the session."""
         if self._local_channel is not None:
             self._local_channel.daemon = daemon
 

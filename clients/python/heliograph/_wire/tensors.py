@@ -13,5 +13,6 @@ def is_tensor(value: Any) -> bool:
 
 
 def on_host(value: Any) -> Any:
-    """A tensor as an array of numpy, without a gradient; what else there is as it is."""
+    """Converts a tensor to an array of numpy, without a gradient; returns other values as they
+    are."""
     return value.detach().cpu().numpy() if is_tensor(value) else value

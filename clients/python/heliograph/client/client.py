@@ -92,7 +92,8 @@ class Client:
         return list(self.whole("ListScenes", service.ListScenesRequest()).scenes)
 
     def sessions(self) -> list[service.SessionUse]:
-        """The sessions of this client's tenant, the oldest first, and what each uses."""
+        """Lists the sessions of this client's tenant, the oldest first, with their use of
+        limits."""
         return list(self.whole("ListSessions", service.ListSessionsRequest()).sessions)
 
     def whole(self, name: str, request: Any) -> Any:

@@ -372,7 +372,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
 
     def remove(self, things: Any, *, cascade: bool = False) -> None:
         """Removes objects. FailedPrecondition lists who still uses one; `cascade` removes an
-        entity's children too and unbinds what refers to it."""
+        entity's children too and unbinds references to it."""
         for thing in flatten(things, "things"):
             self._add(thing).remove.cascade = cascade
 

@@ -93,7 +93,7 @@ def generate(
     DIR/.heliograph/shards, and skipped by a later call. cores, gpus: number that Ray reserves per
     worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
     the images under way; the shard is given to another one, up to `tries` times. One that is lost
-    `tries` times before it is ready ends the call, too: Unavailable with what Ray says.
+    `tries` times before it is ready ends the call, too: Unavailable with Ray's message.
     progress, resume, options: as of heliograph.datasets.generate.
 
     Where Ray was not initialized, it is for this call: on the cluster that RAY_ADDRESS names, else

@@ -51,7 +51,8 @@ def _unpacked(data: bytes, scene: Scene) -> dict[str, Any]:
 
 
 def shard_path(first: int, end: int) -> str:
-    """Below the data set's directory: what says that the images first .. end - 1 are there."""
+    """Path, below the data set's directory, of the file that marks images first .. end - 1 as
+    done."""
     return f"{NAME}/shards/{first:09d}-{end:09d}.json"
 
 

@@ -255,8 +255,8 @@ class BasePoses:
 
 
 class Compose:
-    """Runs randomizers in order, each with an rng of its own: what one of them draws does not
-    depend on how many numbers another one took. A randomizer is any callable (draw) -> None."""
+    """Runs randomizers in order, each with an rng of its own: the draws of one do not depend on how
+    many numbers another one took. A randomizer is any callable (draw) -> None."""
 
     def __init__(self, *randomizers: Callable[[Draw], Any]) -> None:
         for position, randomizer in enumerate(randomizers):

@@ -76,7 +76,7 @@ class Folder:
         self.put(self._mark.relative_to(self.root), "")
 
     def exit(self) -> None:
-        """Takes back what enter() said."""
+        """Undoes enter()."""
         self._mark.unlink(missing_ok=True)
 
     def is_entered(self) -> bool:
@@ -250,7 +250,7 @@ def _named_for_me(name: str) -> str:
 
 
 def _drop_dead(folder: Path) -> None:
-    """Removes from such a folder what processes left that were killed here."""
+    """Removes from such a folder the remains of processes that were killed here."""
     for path in folder.glob("*"):
         mine = _MINE.fullmatch(path.name)
         if mine and not _is_alive(int(mine[1])):

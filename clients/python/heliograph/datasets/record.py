@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
 
 FORMAT = "heliograph.dataset.v1"
-_UNLIKE = ("count", "version", "numpy")  # what runs of one data set may have another of
+_UNLIKE = ("count", "version", "numpy")  # keys in which runs of one data set may differ
 _NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EXDEV)
 _TAKEN = (errno.EEXIST, errno.ENOTEMPTY)
 

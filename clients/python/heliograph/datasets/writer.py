@@ -35,7 +35,7 @@ class Image:
 
     @property
     def name(self) -> str:
-        """ "000123": what its files are called."""
+        """Name of its files, "000123"."""
         return name_of(self.index)
 
 
@@ -189,7 +189,7 @@ class Writer(ABC):
         are there, by the run that made the last one, perhaps again."""
 
     def end(self) -> None:  # noqa: B027, few writers hold anything
-        """Called when generate() ends, also by an error: gives back what begin() took."""
+        """Called when generate() ends, also by an error: releases the resources of begin()."""
 
     def put(self, name: str | Path, data: bytes | str) -> None:
         """Writes DIR/name: whole or not at all."""

@@ -42,7 +42,7 @@ def emission_of(
 
 
 def lit(world: World, look: Look, emission: Emission) -> Look:
-    """A look with that light; what both give off adds up, where neither has a texture."""
+    """Look with that light; both emissions add up, where neither has a texture."""
     total, use = np.array(emission.radiance), emission.use
     if look.emits:
         own = look["emission"], look["emission_strength"]

@@ -97,7 +97,7 @@ class Geometry:
 
     @cached_property
     def morphs(self) -> NdArray:
-        """(T, V, 3) what targets add to positions."""
+        """(T, V, 3) offsets of positions by morph targets."""
         found = self._array("morph_positions")
         return np.zeros((0, *self.keyed.shape[1:]), "f4") if found is None else found
 

@@ -155,7 +155,7 @@ def radiance(lamp: Lamp, extent: Extent) -> NdArray:
 
 
 def irradiance(lamp: Lamp) -> NdArray:
-    """(3,) W m^-2 of a sun, on what faces it."""
+    """(3,) W m^-2 of a sun, on a surface that faces it."""
     if lamp.unit in ("irradiance", "illuminance"):
         return lamp.strength()
     share: Any = math.pi * math.sin(0.5 * lamp.message.sun_angle) ** 2

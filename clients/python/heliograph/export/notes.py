@@ -9,7 +9,7 @@ from .world import Entity, World, key_of
 
 
 def note_lamp(world: World, entity: Entity, lamp: Lamp) -> None:
-    """Notes what is left out of a light with a shape, or a sun."""
+    """Notes properties that are left out of a light with a shape, or a sun."""
     if key_of(lamp.message.profile) is not None:
         world.notes.add(entity.title, "the profile of a light is left out")
     if key_of(lamp.message.texture.texture) is not None:
@@ -26,8 +26,8 @@ def note_camera(world: World, entity: Entity, camera: Camera) -> None:
 
 
 def note_rest(world: World, entity: Entity, is_seen: bool) -> None:
-    """Notes what is left out of any entity. is_seen: the file has something there that rays
-    meet."""
+    """Notes properties that are left out of any entity. is_seen: the file has something there that
+    rays meet."""
     message = entity.message
     if key_of(message.volume) is not None:
         world.notes.add(entity.title, "volumes are left out")

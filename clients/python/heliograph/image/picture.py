@@ -45,7 +45,7 @@ class Picture(np.ndarray[Any, np.dtype[np.uint8]]):
         return Image.fromarray(np.array(self))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes .png, .jpg or what else Pillow knows by the name's ending."""
+        """Writes a .png, .jpg or another format of Pillow, by the name's ending."""
         target = Path(path)
         picture = self.pil()
         try:

@@ -1,5 +1,5 @@
-"""Frame: the planes and labels of one camera at one time; and what frames of many worlds have in
-common with it. Made by Scene.render."""
+"""Frame: the planes and labels of one camera at one time; and its common base with frames of many
+worlds. Made by Scene.render."""
 
 from __future__ import annotations
 
@@ -231,7 +231,7 @@ class Frame(Rendered):
         return out.astype(np.float32)
 
     def stops(self, exposure: float | str) -> float:
-        """Stops of an exposure: a number of them, or "auto" for what suits the beauty."""
+        """Stops of an exposure: a number, or "auto" for stops that suit the beauty."""
         if exposure == "auto":
             beauty = self["beauty"]
             weight = beauty[..., 3]

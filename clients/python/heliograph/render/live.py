@@ -78,8 +78,8 @@ class Live:
         return request
 
     def update(self, cameras: Any = None, **options: Unpack[call.Options]) -> None:
-        """Changes what is rendered from now on: other cameras, another overlay (None: none), any
-        option of Scene.render. Omitted ones stay."""
+        """Changes the request from now on: other cameras, another overlay (None: none), any option
+        of Scene.render. Omitted ones stay."""
         with self._lock:
             if cameras is not None:
                 self._cameras = cameras

@@ -22,7 +22,8 @@ class Motion:
 
     Angles and lengths are values @ weights + offsets, (C, M) and (M,).
     soft: values may be beyond the limits.
-    bounds: (C,) each: the limits, below and above, and what values may be without being clamped.
+    bounds: (C,) each: the lower and upper limit, and the least and largest value that is accepted
+    without clamping.
     """
 
     def __init__(

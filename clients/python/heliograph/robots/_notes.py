@@ -10,7 +10,7 @@ FAULTS = (InvalidArgument, NotFound, Unimplemented)  # of files that the rest ca
 
 
 class Notes:
-    """strict: nothing is told; what would be is refused."""
+    """Warnings about a robot's file. strict: refuses the file instead."""
 
     def __init__(self, path: Path, strict: bool) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""Puts the entities of robots: of URDF files, and for mjcf/ what both share. Used by robot.py."""
+"""Puts the entities of robots: of URDF files, and the part that mjcf/ shares. Used by robot.py."""
 
 from __future__ import annotations
 

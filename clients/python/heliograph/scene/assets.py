@@ -160,7 +160,7 @@ def _companion(source: Source, name: str) -> Path | None:
 
 
 def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequest) -> None:
-    """Has what `digest` names decoded from files that the daemon has by now."""
+    """Has the files of `digest` decoded again; the daemon has the files by now."""
     found, missing = _answer(client, request)
     if found is None or _digest(found) != digest:
         files = ", ".join(file.path for file in request.files) or request.server_path

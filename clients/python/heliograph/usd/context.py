@@ -26,7 +26,7 @@ class Context:
     options: Options
     model: Model
     files: Files
-    time: Any = field(init=False)  # Usd.TimeCode of what does not move
+    time: Any = field(init=False)  # Usd.TimeCode of still attributes
     up: NdArray = field(init=False)  # (4, 4) root_from_stage
 
     def __post_init__(self) -> None:
@@ -41,7 +41,7 @@ class Context:
         self.model.notes.add(prim, text)
 
     def value(self, attribute: Any) -> Any:
-        """Value of an attribute at the time of what stands still; None without one."""
+        """Value of an attribute at `time`; None without one."""
         return attribute.Get(self.time) if attribute else None
 
     def number(self, attribute: Any, default: float = 0.0) -> float:
@@ -109,7 +109,7 @@ class Context:
         return out
 
     def world(self, prim: Any) -> NdArray:
-        """(4, 4) root_from_local at the time of what does not move."""
+        """(4, 4) root_from_local at `time`."""
         return self.up @ matrix_of(UsdGeom.XformCache(self.time).GetLocalToWorldTransform(prim))
 
 

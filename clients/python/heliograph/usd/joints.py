@@ -19,7 +19,7 @@ from ..values.pose import rotation_of_wxyz
 from .context import Context, matrix_of
 
 PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-WORLD = ""  #: the path of what bodies are fixed to
+WORLD = ""  #: path of the world, which bodies are fixed to
 _SAME = 1e-5  # metres, radians
 _ENDLESS = 1e30  # limits above are none: exporters write the largest float
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}

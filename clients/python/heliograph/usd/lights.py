@@ -64,7 +64,7 @@ def _level(context: Context, prim: Any) -> float:
 
 
 def _radiance(context: Context, prim: Any, area: float) -> float:
-    """W sr^-1 m^-2; area: in the stage's units, of what emits."""
+    """Radiance, W sr^-1 m^-2; area: of the emitter, in the stage's units."""
     normalized = bool(context.value(prim.GetAttribute("inputs:normalize")))
     level = _level(context, prim) * context.options.nit
     return level / max(area, 1e-12) if normalized else level

@@ -22,7 +22,7 @@ Names = Mapping[str, Mapping[str, str]]  # of freedoms, by the path of their joi
 def put(
     context: Context, found: Sequence[Found], names: Names, joints: Sequence[Joint]
 ) -> list[Joint]:
-    """Joints of a robot, with those that follow others as mimics."""
+    """Joints of a robot, with followers of others as mimics."""
     by_name = {joint.name: joint for joint in joints}
     scales = {
         names[one.path][freedom.token]: freedom.scale for one in found for freedom in one.freedoms

@@ -1,4 +1,4 @@
-"""Shading networks: what feeds an input. Needs pxr."""
+"""Shading networks: sources of inputs. Needs pxr."""
 
 from __future__ import annotations
 

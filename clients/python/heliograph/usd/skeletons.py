@@ -31,7 +31,7 @@ class _Skins:
         self.vertices = vertices
         self.cache = UsdSkel.Cache()
         self.nodes = {node.path: node for node in context.model.nodes}
-        self.done: dict[str, str] = {}  # what paths of a skeleton's joints begin with; "": none
+        self.done: dict[str, str] = {}  # prefix of the paths of a skeleton's joints; "": none
 
     def add(self, root: Any) -> None:
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)

@@ -1,4 +1,4 @@
-"""Checks of what users write: numbers, colours, texts, keywords. An error names the field."""
+"""Checks of users' values: numbers, colours, texts, keywords. An error names the field."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _SHAPES = ("mesh", "sphere", "disc", "rectangle")
 
 @dataclass(frozen=True)
 class Light:
-    """Light that an entity's mesh gives off, besides what its material emits; a shape; or a sun.
+    """Light that an entity's mesh gives off, besides its material's emission; a shape; or a sun.
 
     Strength, exactly one of: `radiance` (W sr^-1 m^-2), `power` (W over all emitting sides, each
     channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides); for suns also

@@ -63,7 +63,7 @@ class RgbSensor:
 
 @dataclass(frozen=True)
 class DepthSensor:
-    """A depth camera; what it cannot measure reads 0.
+    """A depth camera; pixels that it cannot measure read 0.
 
     kind: "active_stereo" (a projector at +x of a perspective camera without distortion) or
     "time_of_flight".

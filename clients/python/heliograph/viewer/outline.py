@@ -72,7 +72,7 @@ def looking_of(scene: Scene, name: str, box: NdArray) -> dict[str, Any]:
 
 
 def of_object(scene: Scene, id: int) -> dict[str, Any]:
-    """Rows of one object: its kind, name, and what can be said in a line each."""
+    """Rows of one object: its kind, its name, and one line per property."""
     handle: Handle = scene.handle(id)
     out: dict[str, Any] = {"id": str(id), "kind": handle.kind, "rows": []}
     rows: list[tuple[str, str]] = out["rows"]

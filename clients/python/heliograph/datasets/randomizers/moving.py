@@ -1,4 +1,4 @@
-"""camera_path and random_motion: what moves, with the flow that comes of it."""
+"""camera_path and random_motion: moving cameras and things, with their flow."""
 
 from __future__ import annotations
 

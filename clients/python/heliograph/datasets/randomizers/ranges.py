@@ -143,7 +143,7 @@ def checked_color(given: Any, field: str) -> Any:
 
 
 class HsvColor:
-    """Linear colours of uniform hue, saturation and value of sRGB: what looks evenly mixed."""
+    """Linear colours of uniform hue, saturation and value of sRGB, which look evenly mixed."""
 
     def __init__(self, saturation: Range = (0.2, 0.9), value: Range = (0.3, 0.95)) -> None:
         self.saturation = checked_range(saturation, "saturation", 0, 1)

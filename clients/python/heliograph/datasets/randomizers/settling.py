@@ -158,7 +158,7 @@ class _World:
         return True
 
     def poses(self) -> list[NdArray]:
-        """World poses of what fell, in metres."""
+        """World poses of the things that fell, in metres."""
         out = []
         for made, pose, middle in self._falling:
             position, xyzw = self.call("getBasePositionAndOrientation", made)

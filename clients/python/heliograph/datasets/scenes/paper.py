@@ -1,4 +1,4 @@
-"""PaperScene: what DOME, MESH and FAT have in common."""
+"""PaperScene: common base of DOME, MESH and FAT."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class PaperScene:
         return {"roulette_depth": self.roulette_depth}
 
     def build(self, scene: Scene) -> tuple[Entity, Compose]:
-        """Makes the scene; its camera, and what randomizes it."""
+        """Makes the scene; returns its camera and its randomizer."""
         raise NotImplementedError
 
     def _camera(self, edit: Edits, pose: Any) -> Entity:

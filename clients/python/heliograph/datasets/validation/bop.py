@@ -111,7 +111,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _pictures(scene: Path, faults: Faults) -> Iterator[Picture]:
-    """The images of a scene, with what its JSON files say of them."""
+    """Images of a scene as its JSON files describe them."""
     names = ("scene_camera", "scene_gt", "scene_gt_info")
     tables = {name: read_object(scene / f"{name}.json") for name in names}
     kinds = {"scene_camera": _OBJECT, "scene_gt": LIST, "scene_gt_info": LIST}

@@ -261,7 +261,7 @@ def read_picture(path: Path) -> NdArray:
 def check_size(
     faults: Faults, check: str, path: Path, expected: tuple[int, int], source: str
 ) -> bool:
-    """Is a picture there, and of that width and height? What is wrong is a fault."""
+    """Checks that a picture is there, and of that width and height. Adds faults."""
     if not path.is_file():
         faults.add(check, path, f"is not there, and {source} names it: write it, or its entry off")
         return False

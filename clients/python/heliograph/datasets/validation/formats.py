@@ -1,4 +1,4 @@
-"""Format: what each module of this package says about its format. Used by run.py and docs."""
+"""Format: the description by each module of its format. Used by run.py and docs."""
 
 from __future__ import annotations
 

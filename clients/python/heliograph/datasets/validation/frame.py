@@ -1,4 +1,4 @@
-"""Saved frames that stand alone: what Frame.save wrote as .exr or .npz, without a data set.
+"""Saved frames that stand alone: .exr or .npz files of Frame.save, without a data set.
 
 Planes as docs/planes.md has them; label columns as docs/python.md has them.
 """

@@ -1,4 +1,4 @@
-"""Label rows of a saved frame: what holds between their columns. Used by exr.py, webdataset.py and
+"""Label rows of a saved frame: relations between their columns. Used by exr.py, webdataset.py and
 parquet.py."""
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-ROTATION_WITHIN = 1e-3  # of R R^T from the identity: what five decimals of a file leave
+ROTATION_WITHIN = 1e-3  # of R R^T from the identity: the error of five decimals in a file
 
 
 def rotation_fault(rotation: NdArray) -> str:

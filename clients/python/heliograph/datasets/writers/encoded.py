@@ -35,7 +35,7 @@ def kitti_flow(flow: NdArray, valid: NdArray) -> bytes:
 
 def kitti_disparity(disparity: NdArray, valid: NdArray) -> bytes:
     """KITTI's disparity PNG: grey uint16, disparity * 256; 0: invalid. disparity: (H, W) pixels.
-    What is not in [1/256, 255.996] is invalid."""
+    Values outside [1/256, 255.996] are invalid."""
     raw = np.rint(disparity.astype(np.float64) * 256.0)
     holds = (valid != 0) & (raw >= 1) & (raw <= 65535)
     return png.encode(np.where(holds, raw, 0).astype(np.uint16))

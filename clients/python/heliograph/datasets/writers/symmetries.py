@@ -81,7 +81,7 @@ class Symmetries:
         return np.asarray(best)
 
     def _center(self) -> NdArray:
-        """(3,) what all of them leave where it is: the mean of where they bring the origin."""
+        """(3,) point that all of them keep fixed: the mean of the images of the origin."""
         mean = np.mean([np.zeros(3), *(matrix[:3, 3] for matrix in self.matrices)], axis=0)
         for found in self.axes[:1]:
             mean = found.point + found.axis * (found.axis @ (mean - found.point))

@@ -228,7 +228,8 @@ def _resized(values: NdArray, size: tuple[int, ...]) -> NdArray:
 
 
 def scaled(field: Field) -> tuple[Field, float]:
-    """A field whose largest factor is 1, and that factor; of what may exceed 1."""
+    """Field scaled so that its largest factor is 1, and that factor; for fields that may exceed
+    1."""
     use = field.use
     folded = use is not None and use.offset == 0 and use.scale > 0
     value = np.multiply(field.value, use.scale if folded and use else 1.0)

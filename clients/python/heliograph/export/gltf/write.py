@@ -215,7 +215,7 @@ def _trs(matrix: NdArray) -> dict[str, Any]:
 
 
 def _extras(message: pb.Entity) -> dict[str, Any]:
-    """Extras of a node: what labels say, for programs that keep it."""
+    """Extras of a node: its labels, for programs that keep them."""
     label = message.label
     found: dict[str, Any] = {}
     if label.category:

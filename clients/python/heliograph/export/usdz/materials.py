@@ -161,7 +161,7 @@ class _Writer:
                 self._note("the back gives off light in some programs only")
 
     def _opacity(self) -> None:
-        """alpha, less what passes through."""
+        """Alpha, less the transmission."""
         alpha, passing = self.look["alpha"], self.look["transmission"]
         share = 1.0
         if not passing.is_zero:

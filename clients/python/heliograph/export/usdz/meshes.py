@@ -109,8 +109,8 @@ class Meshes:
             UsdGeom.Subset.SetFamilyType(mesh, "materialBind", UsdGeom.Tokens.nonOverlapping)
 
     def _put_colors(self, mesh: Any, geometry: Geometry, bound: list[int | None]) -> bool:
-        """displayColor of a mesh with colours, times what its materials have; False: it has none,
-        or a texture that they cannot multiply."""
+        """displayColor of a mesh with colours, times the colours of its materials; False: it has
+        none, or a texture that they cannot multiply."""
         if geometry.colors is None:
             return False
         bases = [self.materials.look(key)["base_color"] for key in bound]

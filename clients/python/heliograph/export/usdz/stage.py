@@ -86,7 +86,8 @@ class Stage:
     # ------------------------------------------------------------ poses
 
     def pose(self, prim: Any, track: Track) -> None:
-        """A matrix; of what moves translation, rotation and scale, which USD mixes as we do."""
+        """Puts a pose: a matrix, or, for a moving entity, translation, rotation and scale, which
+        USD interpolates as we do."""
         xformable = UsdGeom.Xformable(prim)
         if track.moves and not track.is_sheared:
             self._moving(xformable, track)

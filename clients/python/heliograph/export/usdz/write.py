@@ -50,7 +50,7 @@ class _Writer:
         self.meshes = Meshes(world, self.stage, self.materials)
         self.skeletons = Skeletons(world, self.stage, self.poses)
         self.paths: dict[int, str] = {}  # of entities
-        self.shapes: dict[Any, str] = {}  # of what several entities show
+        self.shapes: dict[Any, str] = {}  # of meshes that several entities show
         self.emissions = {
             entity.key: emission_of(world, entity, self.poses, self.geometries)
             for entity in world.entities.values()

@@ -1,4 +1,4 @@
-"""Materials and textures. Used by edits.py; docs/mjcf.md says what becomes of each parameter.
+"""Materials and textures. Used by edits.py; docs/mjcf.md maps each parameter.
 
 Source: MuJoCo's manual, "XML Reference", asset/material and asset/texture.
 """

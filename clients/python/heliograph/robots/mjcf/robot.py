@@ -1,4 +1,4 @@
-"""The robot of an MJCF file, and what its copies share. Made by edits.py; docs/mjcf.md."""
+"""Robot of an MJCF file, and the state that its copies share. Made by edits.py; docs/mjcf.md."""
 
 from __future__ import annotations
 

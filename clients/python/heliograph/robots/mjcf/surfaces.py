@@ -14,7 +14,7 @@ from .geometry import Shape, kind_of
 from .looks import Look, is_flat, look_of, texture_of
 from .reading import Compiled, pose
 
-_MIRRORS = ("plane", "box")  # what MuJoCo shows reflectance of
+_MIRRORS = ("plane", "box")  # kinds that MuJoCo shows reflectance of
 
 
 @dataclass(frozen=True, eq=False)
