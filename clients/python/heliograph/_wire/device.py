@@ -112,6 +112,7 @@ class DeviceLease:
         self.readers: list[Device] = []  # GPUs that may read it for a while after that
 
     def show(self) -> None:
-        """Notes that the address was given out: the GPU may be read from any stream from now on."""
+        """Notes that the address was given out: this GPU may read there for a while after the
+        lease."""
         if not self.readers:
             self.readers.append(self.mapping.device)

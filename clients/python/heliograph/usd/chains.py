@@ -137,7 +137,7 @@ class Chains:
 
 
 def _names(name: str, freedoms: Sequence[Freedom]) -> dict[str, str]:
-    """Names of the joints of a chain by token: a single freedom has the joint's own name."""
+    """Names of a joint's freedoms by token: a single one has the joint's own name."""
     if len(freedoms) == 1:
         return {freedoms[0].token: name}
     return {one.token: f"{name}:{one.token}" for one in freedoms}

@@ -196,8 +196,8 @@ class Session:
     # ------------------------------------------------------------ what the page gets
 
     def next(self, after: int, seconds: float) -> tuple[dict[str, Any], bytes] | None:
-        """Description and JPEG of the first picture after that serial; None if none comes in
-        `seconds`."""
+        """Description and JPEG of the latest picture, if newer than serial `after`; waits up to
+        `seconds` for one, else None."""
         with self._changed:
             self.seen = time.monotonic()
             self._changed.wait_for(lambda: self._serial > after or self._closed, seconds)
