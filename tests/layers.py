@@ -34,7 +34,7 @@ RENDERER = {
     "renderer/placement": "base scene frame device derived",
     "renderer/lights": "base scene derived placement",
     "renderer/resident": "base scene frame device derived placement lights",
-    "renderer/host": "base scene frame placement resident",
+    "renderer/host": "base scene frame device placement resident",
     "renderer/bvh": "base device placement host",
     "renderer/backend/embree": "base device placement resident host",
     "renderer/backend/cuda": "base scene frame device post resident host bvh",

@@ -130,6 +130,20 @@ KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit
   return half_way(scene, ray, min2(ray.t_max, hit.t));
 }
 
+/// Disparity of the probed point, of a surface or of a volume.
+template <Tracer T, class At>
+KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
+                            const At& at) {
+  const CameraAt second(*context.disparity, context.now.camera->time);
+  const CameraView& camera = second.camera();
+  const Projected to = project(camera, point_of(at));
+  if (!to.seen) return;
+  p.disparity = project(*context.now.camera, point_of(at)).raster.x - to.raster.x;
+  p.disparity_visible =
+      inside_image(camera, to.raster) && camera_sees({context.now.scene, &camera}, counted, at,
+                                                     context.settings->through_transmission);
+}
+
 template <Tracer T>
 KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&tracers)[3],
                              const Collision& at, const Sight& sight, PlaneSet wanted, u32& rays) {
@@ -143,31 +157,9 @@ KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&trace
     const CountedTracer<T> counted{*tracers[2], rays};
     put_flow(p, volume_flow(context, context.backward, counted, at.volume, p.p_world), false);
   }
-  if (context.disparity) {
-    const CameraAt second(*context.disparity, context.now.camera->time);
-    const CameraView& camera = second.camera();
-    const Projected to = project(camera, p.p_world);
-    if (!to.seen) return p;
-    p.disparity = project(*context.now.camera, p.p_world).raster.x - to.raster.x;
-    p.disparity_visible =
-        inside_image(camera, to.raster) &&
-        camera_sees({context.now.scene, &camera}, CountedTracer<T>{*tracers[0], rays}, p.p_world,
-                    context.settings->through_transmission);
-  }
+  if (context.disparity)
+    probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, p.p_world);
   return p;
-}
-
-template <Tracer T>
-KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
-                            const Surface& s) {
-  const CameraAt second(*context.disparity, s.time);
-  const CameraView& camera = second.camera();
-  const Projected to = project(camera, s.p);
-  if (!to.seen) return;
-  p.disparity = project(*context.now.camera, s.p).raster.x - to.raster.x;
-  p.disparity_visible =
-      inside_image(camera, to.raster) &&
-      camera_sees({context.now.scene, &camera}, counted, s, context.settings->through_transmission);
 }
 
 /// Everything that the film wants of one pixel. Tracers of flow may be null with their scenes.

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "kernels/core/math.h"
+
 namespace heliograph::resident {
 namespace {
 
@@ -46,7 +48,7 @@ vec3 planckian_color(double kelvin) {
       blue(0.0556434, -0.2040259, 1.0572252);
   const vec3 rgb = glm::max(
       vec3(glm::dot(red, xyz), glm::dot(green, xyz), glm::dot(blue, xyz)) / float(xyz.y), vec3(0));
-  return rgb / glm::dot(rgb, vec3(0.2126f, 0.7152f, 0.0722f));
+  return rgb / kernels::luminance(rgb);
 }
 
 double black_body_luminance(double kelvin) {

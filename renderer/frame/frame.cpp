@@ -9,13 +9,6 @@
 namespace heliograph {
 namespace {
 
-template <class T>
-constexpr DType dtype_of() {
-  if constexpr (std::is_same_v<T, float>) return DType::kF32;
-  if constexpr (std::is_same_v<T, u32>) return DType::kU32;
-  if constexpr (std::is_same_v<T, u8>) return DType::kU8;
-}
-
 /// A name in lower case, kept in static storage.
 template <std::size_t N>
 struct LowerCase {

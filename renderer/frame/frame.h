@@ -15,6 +15,15 @@ namespace heliograph {
 
 enum class DType : u8 { kU8, kU16, kU32, kI32, kU64, kF16, kF32, kF64 };
 [[nodiscard]] std::size_t size_of(DType type);
+template <class T>
+constexpr DType dtype_of() {
+  if constexpr (std::is_same_v<T, u8>) return DType::kU8;
+  if constexpr (std::is_same_v<T, u32>) return DType::kU32;
+  if constexpr (std::is_same_v<T, i32>) return DType::kI32;
+  if constexpr (std::is_same_v<T, u64>) return DType::kU64;
+  if constexpr (std::is_same_v<T, float>) return DType::kF32;
+  if constexpr (std::is_same_v<T, double>) return DType::kF64;
+}
 
 /// What clients are told about a plane; derived from HELIO_PLANES.
 struct PlaneInfo {

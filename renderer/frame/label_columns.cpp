@@ -14,16 +14,6 @@ namespace heliograph {
 
 namespace {
 
-template <class T>
-constexpr DType dtype_of() {
-  if constexpr (std::is_same_v<T, u8>) return DType::kU8;
-  if constexpr (std::is_same_v<T, u32>) return DType::kU32;
-  if constexpr (std::is_same_v<T, i32>) return DType::kI32;
-  if constexpr (std::is_same_v<T, u64>) return DType::kU64;
-  if constexpr (std::is_same_v<T, float>) return DType::kF32;
-  if constexpr (std::is_same_v<T, double>) return DType::kF64;
-}
-
 /// Rows of equal shape, appended value by value.
 template <class T>
 class Rows {

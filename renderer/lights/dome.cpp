@@ -19,8 +19,6 @@ void load_row(const kernels::TextureView& view, u32 y, std::vector<vec3>& out) {
   }
 }
 
-float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
-
 // A sky of less contrast is sampled as it is: rounding must not decide.
 constexpr double kLeastExcess = 0.01;
 
@@ -42,7 +40,7 @@ glm::dvec3 luminances(const kernels::TextureView& view, u32 y, bool nearest, flo
     const vec3 texel =
         middle * mean[x] + side * (mean[x ? x - 1 : w - 1] + mean[x + 1 < w ? x + 1 : 0]);
     sum += glm::dvec3(texel);
-    out[x] = luminance(texel);
+    out[x] = kernels::luminance(texel);
   }
   return sum;
 }
@@ -98,7 +96,7 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
     });
     glm::dvec3 integral(0);
     for (const glm::dvec3& of_row : integrals) integral += of_row;
-    const double mean = luminance(vec3(integral)) / (4 * M_PI);
+    const double mean = kernels::luminance(vec3(integral)) / (4 * M_PI);
     double excess = 0;  // over the mean, integrated
     for (u32 y = 0; y < h; ++y)
       for (u32 x = 0; x < w; ++x)

@@ -27,8 +27,6 @@ constexpr double kEvenDome = 0.1;
 // A profile that sends less to the back counts as one that sends nothing there.
 constexpr double kNoBack = 1e-9;
 
-float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
-
 /// Mean of what a texture use multiplies by, in its channel and as a colour; positive wherever the
 /// texture may be.
 struct Factor {
@@ -214,8 +212,8 @@ void Lighter::add(u32 index) {
     light.material_emits = !black(emission);
     light.material_two_sided = materials_.materials[material].two_sided_emission;
     if (black(mean) && !light.material_emits) continue;
-    const double power = luminance(mean) * (light.light_two_sided ? 2 : 1) +
-                         luminance(emission) * (light.material_two_sided ? 2 : 1);
+    const double power = kernels::luminance(mean) * (light.light_two_sided ? 2 : 1) +
+                         kernels::luminance(emission) * (light.material_two_sided ? 2 : 1);
     add_part(index, p, light, power);
   }
 }
@@ -246,7 +244,7 @@ void Lighter::add_shape(u32 index, const Light& light) {
   if (profile) base.profile = light.profile.index();
   const bool forward = cone.scale > 0 || (profile && profile->back <= kNoBack * profile->front);
   const vec3 mean = base.radiance * mean_factor(snapshot_, light.texture, cache_).color;
-  if (!black(mean)) add_light(base, 0, extent.flux * double(luminance(mean)), forward);
+  if (!black(mean)) add_light(base, 0, extent.flux * double(kernels::luminance(mean)), forward);
 }
 
 void Lighter::add_light(const kernels::LightView& base, u32 part, double power, bool forward) {
@@ -333,7 +331,7 @@ double Lighter::add_dome() {
     integral = tables.integral;
   }
   add_portals(texture ? texture->value.get() : nullptr);
-  return double(luminance(integral * view.radiance));
+  return double(kernels::luminance(integral * view.radiance));
 }
 
 void Lighter::add_portals(const Texture* texture) {
@@ -363,7 +361,7 @@ void Lighter::distribute(double dome) {
   }
   std::vector<double> suns;
   for (const auto& sun : made_->suns) {
-    suns.push_back(2 * M_PI * double(sun.one_minus_cos * luminance(sun.radiance)));
+    suns.push_back(2 * M_PI * double(sun.one_minus_cos * kernels::luminance(sun.radiance)));
     all_suns += suns.back();
   }
   glm::dvec3 shares(lamps, scene_section() * all_suns, scene_section() * dome);

@@ -52,7 +52,7 @@ class MapMean {
       const vec2 b = kernels::sample_triangle(u);
       const vec4 texel = kernels::sample_texture<true>(view_, a + ab * b.x + ac * b.y);
       const vec3 color = glm::max(vec3(texel * map_.use.scale + map_.use.offset), vec3(0));
-      sum += double(glm::dot(color, vec3(0.2126f, 0.7152f, 0.0722f)));
+      sum += double(kernels::luminance(color));
     }
     return float(sum / points);
   }

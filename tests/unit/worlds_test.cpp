@@ -79,9 +79,8 @@ class ManyPictures final : public Backend {
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
   [[nodiscard]] DeviceUse use() const override { return inner_->use(); }
   void run(const std::function<void()>& f) override { inner_->run(f); }
-  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
-    return inner_->preparation(scene);
-  }
+  /// The test has no workers who would run errands.
+  [[nodiscard]] Preparation preparation(const SceneAt&) const override { return {}; }
   [[nodiscard]] Expected<DeviceScenes> prepare(std::span<const SceneAt> scenes,
                                                const Interrupt& interrupt) override {
     return inner_->prepare(scenes, interrupt);
