@@ -39,7 +39,8 @@ def spans(low, high, size):
 
 
 def covered(corners, size):
-    """Which triangles, and which pixels x and y, of all pairs where a centre lies inside.
+    """Pairs of a triangle and a pixel whose centre lies inside it: indices of triangles, and x and
+    y of pixels.
 
     corners: (M, 3, 2) float32 pixels."""
     x0, width = spans(corners[..., 0].min(1), corners[..., 0].max(1), size[0])
@@ -109,7 +110,8 @@ class Labels:
         return np.concatenate(pixels), np.concatenate(boxes)
 
     def write(self, picture, draw, path):
-        """Of a picture's multilayer EXR and the draw that it shows, as JSON."""
+        """Writes the labels of a picture's multilayer EXR and of the draw that it shows, as
+        JSON."""
         with OpenEXR.File(str(picture), separate_channels=True) as file:
             passes = {name: c for part in file.parts for name, c in part.channels.items()}
             index = passes["ViewLayer.Object Index.X"].pixels.astype(np.int64)

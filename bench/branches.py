@@ -1,5 +1,5 @@
 """1,000 branches of a scene with 1 GB of assets and 1,000 entities, each with poses of its own:
-what a branch costs the daemon, and how fast 16 of them render in turn beside one.
+cost of a branch for the daemon, and speed of 16 that render in turn beside one.
 
 usage: branches.py [BRANCHES=1000 [ASSET_MB=1000]]   Run with .venv/bin/python.
 """
@@ -51,7 +51,7 @@ def poses(seed):
 
 
 def rate(scenes, seconds):
-    """Frames a second, one scene after the other."""
+    """Frames per second, one scene after the other."""
     count, start = 0, time.perf_counter()
     while time.perf_counter() - start < seconds:
         scenes[count % len(scenes)].render("cam", planes=["beauty"], spp=8, progress=False)

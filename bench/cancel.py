@@ -1,4 +1,4 @@
-"""How soon the device is free after a cancel, and how soon a deadline is kept: 50 ms are promised.
+"""Time until the device is free after a cancel or a deadline: 50 ms are promised.
 
 usage: bench/cancel.py [ROUNDS]   Cancels jobs of every kind at random moments and asks at once for
 a tiny frame of another scene; prints milliseconds until it is here, less what it takes on an idle

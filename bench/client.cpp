@@ -1,5 +1,5 @@
-// What the C++ client costs: latency of edits and frames, edits and transforms a second, bytes of
-// frames a second. usage: bench_client [ADDRESS]   (default: a private daemon)
+// Costs of the C++ client: latency of edits and frames, edits and transforms per second, bytes of
+// frames per second. usage: bench_client [ADDRESS]   (default: a private daemon)
 #include <heliograph/heliograph.h>
 
 #include <algorithm>

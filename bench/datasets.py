@@ -1,4 +1,4 @@
-"""Images a minute of the scenes DOME, MESH and FAT: 640x480, 64 spp, all labels, on two threads.
+"""Images per minute of the scenes DOME, MESH and FAT: 640x480, 64 spp, all labels, on two threads.
 
 usage: datasets.py [IMAGES=4] [SCENE...]
 
@@ -29,7 +29,7 @@ def writer_of(job, name, out):
 
 
 def processor_seconds():
-    """Of this process and the daemons that it has ended."""
+    """CPU seconds of this process and the daemons that it has ended."""
     own, children = (
         resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )
@@ -57,7 +57,7 @@ def measure(name, job, count):
 
 
 def main(count, names):
-    print(f"{'':6s}{'':24s}{'images a minute':>17s}{'idle':>9s}{'s an image':>12s}")
+    print(f"{'':6s}{'':24s}{'images per minute':>17s}{'idle':>9s}{'s an image':>12s}")
     for name in names:
         for job in JOBS:
             images = count if job == JOBS[0] else 8 * count

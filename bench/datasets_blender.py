@@ -138,8 +138,8 @@ class Blender:
         render.engine = "CYCLES"
         cycles.device, cycles.samples = "CPU", spp
         cycles.use_adaptive_sampling = cycles.use_denoising = False
-        # As in bench/peers: the same paths as ours of 7 edges, whatever their kinds, and nothing
-        # that biases the picture or that we do not have.
+        # Takes the same paths of 7 edges as ours, whatever their kinds, as bench/peers does, and
+        # nothing that biases the picture or that we do not have.
         for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
             setattr(cycles, f"{kind}_bounces", EDGES - 2)
         cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0
@@ -317,7 +317,7 @@ def run(path, spp):
         f"blender {blender.bpy.app.version_string}, {data['scene']}, {spp} spp: first image "
         f"{took[0]:.1f} s, then {np.median(rest):.2f} s an image ({min(rest):.2f} to "
         f"{max(rest):.2f}, labels {np.median(labelling[1:]):.2f}), {60 / np.median(rest):.1f} "
-        f"images a minute of {size / 1e6:.1f} MB"
+        f"images per minute of {size / 1e6:.1f} MB"
     )
 
 

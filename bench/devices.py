@@ -1,5 +1,5 @@
-"""A batch of frames on one GPU and on several, in turns: frames a second, and whether the pictures
-are the same.
+"""A batch of frames on one GPU and on several, in turns: frames per second, and a check that the
+pictures are the same.
 
 usage: .venv/bin/python bench/devices.py [DEVICES=2]   (needs so many NVIDIA GPUs)
 """
@@ -15,7 +15,7 @@ FRAMES, SPP, ROUNDS = 32, 16, 3
 
 
 def seconds(scene):
-    """For the batch, and its first pictures."""
+    """Time of the batch, seconds, and its first pictures."""
     jobs = [hg.Job("camera", seed=i, spp=SPP, max_depth=8, tag=i) for i in range(FRAMES)]
     start, kept = time.perf_counter(), {}
     for result in scene.render_batch(jobs, credits=16):

@@ -1,6 +1,6 @@
-// What one edit costs in a large scene, without the wire: microseconds of its thread's own time,
+// Cost of one edit in a large scene, without the wire: microseconds of its thread's own time,
 // median and worst.
-// usage: bench_edits [ENTITIES]
+//  usage: bench_edits [ENTITIES]
 #include <sys/resource.h>
 #include <time.h>
 

@@ -1,5 +1,5 @@
-"""What the paths of each workload cost beside the Embree rays in them: perf's samples of the
-daemon, those in libembree against all. usage: embree_share.py [SCENES=build/bench/scenes]
+"""Share of Embree's rays in the cost of each workload's paths: perf's samples of the daemon, those
+in libembree against all. usage: embree_share.py [SCENES=build/bench/scenes]
 
 Run with .venv/bin/python; needs perf, and bench/run makes the scenes.
 """

@@ -1,4 +1,4 @@
-"""Speed of a backend on 1,000 objects: paths a second, and frames after an edit.
+"""Speed of a backend on 1,000 objects: paths per second, and frames after an edit.
 
 usage: .venv/bin/python bench/gpu.py [BACKEND=cuda]
 """

@@ -155,7 +155,7 @@ cuda::Driver watched(const cuda::Driver& driver) {
   return watch;
 }
 
-/// What each program takes of a build, with what a launch and a wait take.
+/// Prints milliseconds of each program of a build, a launch and a wait included.
 template <class F>
 void print_programs(const F& build) {
   spent.clear();

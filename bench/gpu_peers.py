@@ -73,7 +73,7 @@ class Theirs:
 
 
 def child(options):
-    """One renderer on one workload: times as a line, pictures in a file."""
+    """Runs one renderer on one workload: times as a line, pictures in a file."""
     begin = time.perf_counter()
     doc = common.load_scene(str(options.work / "scenes" / options.child[1]), options.lambert)
     renderer = (Ours if options.child[0] == "heliograph" else Theirs)(doc, options)
@@ -103,7 +103,8 @@ def child(options):
 
 
 def trimmed_error(x, own, other, count):
-    """Of one of the `count` pictures that `own` is the mean of."""
+    """Error of one of the `count` pictures that `own` is the mean of, without the worst 0.1 % of
+    values."""
     a, b = (count * own - x) / (count - 1), other
     relative = ((x - a) * (x - b) / (((a + b) / 2) ** 2 + 1e-2)).mean(-1).ravel()
     return float(np.sort(relative)[: int(len(relative) * 0.999)].mean())
@@ -165,7 +166,7 @@ def run(options, renderer, workload, lambert):
 
 
 def table(options, results, agreement):
-    """As docs/performance.md has it: workloads across, both renderers in a cell."""
+    """Table for docs/performance.md: workloads across, both renderers in a cell."""
     samples = options.size[0] * options.size[1] * options.spp
     names = options.workloads
 
@@ -209,7 +210,7 @@ def table(options, results, agreement):
         ("pixels with z above 2", alone(lambda n: 100 * agreement[n]["z_above_2"], "{:.1f} %")),
     ]
     versions = sorted({result["version"] for result in results.values()})
-    head = f"{options.size[0]}x{options.size[1]}, {options.spp} samples a pixel"
+    head = f"{options.size[0]}x{options.size[1]}, {options.spp} samples per pixel"
     lines = [f"{head}; " + "; ".join(versions) + "; ours first in each cell", ""]
     lines += ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     lines += [f"| {name} | " + " | ".join(values) + " |" for name, values in rows]

@@ -1,5 +1,5 @@
-"""Worlds that stay on one GPU: pictures a second, all poses new in each call, from a tensor on the
-GPU into packed tensors there.
+"""Worlds that stay on one GPU: pictures per second, all poses new in each call, from a tensor on
+the GPU into packed tensors there.
 
 usage: bench/gpu_worlds.py [ROUNDS]   The scene of bench/worlds.py. HELIOGRAPHD names the daemon;
 needs PyTorch with CUDA. Also compares a few pictures with those of single renders, bit for bit, and
@@ -29,7 +29,7 @@ def poses(count, seed):
 
 
 def differing(scene, balls, size):
-    """Of 300 worlds, those among a few whose planes are not a single render's."""
+    """Number of planes, in a few of 300 worlds, that differ from a single render's."""
     worlds, matrices = hg.Worlds(300), poses(300, 7)
     worlds.set_transforms(balls, torch.from_numpy(matrices).cuda())
     options = {"planes": PLANES, "spp": 2, "size": (size, size), "labels": False}
@@ -79,7 +79,7 @@ def main(rounds):
             with_labels = ", label columns" if labels else ""
             print(
                 f"{count} worlds of {size} x {size}, {spp} spp{with_labels}: {whole * 1e3:.1f} ms "
-                f"({inside * 1e3:.1f} of films), {count / whole:,.0f} pictures a second",
+                f"({inside * 1e3:.1f} of films), {count / whole:,.0f} pictures per second",
                 flush=True,
             )
     return 1 if wrong else 0

@@ -1,4 +1,4 @@
-"""What accept= saves: core-seconds of client and daemon for an accepted image of a bin-picking set,
+"""Saving of accept=: core-seconds of client and daemon per accepted image of a bin-picking set,
 labels first against shading every draw. usage: label_first.py [ACCEPTED] [WIDTHxHEIGHT] [SPP]
 
 Bolts lie in a heap under a camera; a draw is accepted when every bolt shows enough pixels, as 20 %

@@ -1,4 +1,4 @@
-"""Frames a second of label-only jobs: 640x480 of W2. usage: labels.py [SCENES=build/bench/scenes]
+"""Frames per second of label-only jobs: 640x480 of W2. usage: labels.py [SCENES=build/bench/scenes]
 
 Run with .venv/bin/python; bench/run makes the scenes.
 """
@@ -36,7 +36,7 @@ def main(scenes):
                 taken.append(time.perf_counter() - start)
             rate = 1 / statistics.median(taken[1:])
             rows = len(frame.labels["label"])
-            print(f"{name:42s} {rate:6.1f} frames a second, {rows} instances")
+            print(f"{name:42s} {rate:6.1f} frames per second, {rows} instances")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-// What a scene's light tree costs to build: milliseconds, median and worst.
-// usage: bench_light_tree
+// Cost of building a scene's light tree: milliseconds, median and worst.
+//  usage: bench_light_tree
 #include <algorithm>
 #include <chrono>
 #include <random>

@@ -29,7 +29,7 @@ import numpy as np  # noqa: E402
 import setting  # noqa: E402
 import side  # noqa: E402
 
-Found = dict[str, Any]  # what a renderer's script writes
+Found = dict[str, Any]  # file of a renderer's script
 RENDERERS = ("ours", "mitsuba", "cycles")
 
 
@@ -45,7 +45,7 @@ def render(python: str, renderer: str, options: argparse.Namespace, folder: path
 
 
 def measured(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, Found]:
-    """By renderer."""
+    """Results by renderer."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     pythons = (sys.executable, options.mitsuba_python, options.bpy_python)
@@ -122,7 +122,7 @@ def stored(found: dict[str, Found], options: argparse.Namespace) -> Found:
 
 
 def store(path: pathlib.Path, content: Found) -> None:
-    """One line per material, light and peer."""
+    """Writes one line per material, light and peer."""
     text = json.dumps(content, indent=1, ensure_ascii=False)
     values = [
         f'  "{key}": {{\n'

@@ -23,7 +23,7 @@ PLANES = ["beauty", "depth", "normal", "instance", "semantic", "position", "flow
 
 
 def moved(matrices, k):
-    """Every object's pose in frame k: pushed a little."""
+    """Poses of all objects in frame k: pushed a little."""
     rng = np.random.default_rng(k)
     out = matrices.copy()
     out[:, :3, 3] += rng.uniform(-0.05, 0.05, (len(out), 3))

@@ -1,8 +1,8 @@
-"""What a reader found in a model, as numbers that another reader's can be compared with. Used by
-the readers of bench/models.py; needs numpy alone, so that it runs in anybody's Python.
+"""Facts that a reader found in a model, as numbers that another reader's can be compared with. Used
+by the readers of bench/models.py; needs numpy alone, so that it runs in anybody's Python.
 
-A reader is a program: it takes the path of a file a line on stdin, and answers each with a line of
-JSON on stdout: the facts, or {"refusal": why}.
+A reader is a program: it takes one path of a file per line on stdin, and answers each with a line
+of JSON on stdout: the facts, or {"refusal": why}.
 """
 
 import json
@@ -49,7 +49,7 @@ def mean_colour(texels):
 
 
 def serve(read):
-    """Answers paths with what `read` finds. What libraries print goes to stderr."""
+    """Answers paths with the facts of `read`. Output of libraries goes to stderr."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:

@@ -81,7 +81,7 @@ def files(places):
 
 
 class Reader:
-    """A program of readers/, which runs in a Python that has what it needs."""
+    """A program of readers/, which runs in a Python that has its packages."""
 
     def __init__(self, name, python, seconds):
         self.name, self.seconds = name, seconds
@@ -114,7 +114,7 @@ class Reader:
 
 
 def forward(process, lines):
-    """What a process says, then "": it has ended."""
+    """Passes on the lines of a process, then "": it has ended."""
     for line in process.stdout:
         lines.put(line)
     lines.put("")
@@ -124,7 +124,8 @@ def forward(process, lines):
 
 
 def compared(ours, theirs):
-    """(what, "ours / theirs") of all that differs. What a reader does not tell is not compared."""
+    """(fact, "ours / theirs") of all that differs. Facts that a reader does not give are not
+    compared."""
     if "refusal" in ours or "refusal" in theirs:
         if ("refusal" in ours) != ("refusal" in theirs):
             shown = [facts.get("refusal", "loads") for facts in (ours, theirs)]

@@ -1,4 +1,4 @@
-// What the benches of edits and scenes on the host share.
+// Common part of the benches of edits and scenes on the host.
 #pragma once
 
 #include <chrono>
@@ -7,7 +7,7 @@
 
 namespace heliograph::bench {
 
-/// Of a clock that never goes back.
+/// Milliseconds of a clock that never goes back.
 inline double milliseconds() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   return std::chrono::duration<double, std::milli>(now).count();

@@ -1,4 +1,4 @@
-"""What a call from Python costs over the Unix socket, and how many transforms a second go through.
+"""Cost of a call from Python over the Unix socket, and the number of transforms per second.
 
 usage: .venv/bin/python bench/pingpong.py [ADDRESS]   (default: a private daemon)
 `ninja -C build/cpu bench_client && build/cpu/bin/bench_client` has the same for C++.

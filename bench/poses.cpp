@@ -1,6 +1,6 @@
-// What the host does with new poses of all objects, from an array in memory to a snapshot that is
+// Cost on the host of new poses of all objects, from an array in memory to a snapshot that is
 // published and on to a scene that a GPU renders: milliseconds of each stage, median and worst.
-// usage: bench_poses [OBJECTS [THREADS]]
+//  usage: bench_poses [OBJECTS [THREADS]]
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -59,7 +59,7 @@ class Memory final : public server::ArraySource {
   BufferPtr ids, matrices;
 };
 
-/// Every object turned and moved, as rows of 4x4 matrices.
+/// Poses of every object, turned and moved, as rows of 4x4 matrices.
 template <class T>
 BufferPtr turned(u32 objects, u32 side, u32 round) {
   std::vector<T> numbers;

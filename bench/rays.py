@@ -35,7 +35,7 @@ def main(scenes):
                     best = min(best, time.perf_counter() - start)
                 hits = np.isfinite(found["t"]).mean()
                 rate = RAYS / best / 1e6
-                print(f"{workload} {name:22s} {rate:6.2f} million rays a second, {hits:.0%} hit")
+                print(f"{workload} {name:22s} {rate:6.2f} million rays per second, {hits:.0%} hit")
 
 
 if __name__ == "__main__":

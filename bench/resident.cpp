@@ -1,6 +1,6 @@
-// What the host does from an edit that moves one object to a scene that can be rendered:
-// milliseconds, median and worst, for the CPU's ray tracer and for what a GPU needs of the host.
-// Embree's own structures are timed apart. usage: bench_resident [OBJECTS...]
+// Cost on the host from an edit that moves one object to a scene that can be rendered:
+// milliseconds, median and worst, for the CPU's ray tracer and for the host's part of a GPU's
+// scene. Embree's own structures are timed apart. usage: bench_resident [OBJECTS...]
 #include <cmath>
 #include <cstdlib>
 

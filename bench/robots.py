@@ -54,7 +54,7 @@ def files(places):
 
 
 def in_a_child(function):
-    """What a function says, from a process of its own: a file may end it."""
+    """Result of a function in a process of its own: a file may end it."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:

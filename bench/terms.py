@@ -47,7 +47,7 @@ print(json.dumps(out))
 
 
 def ours():
-    """By lobe, roughness and angle: what a plane sends back of a white sky."""
+    """Reflection of a white sky by a plane, by lobe, roughness and angle."""
     out = []
     square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], "f4")
     with hg.connect() as client:

@@ -85,7 +85,7 @@ def picture_of(frame: hg.Frame, plane: str) -> np.ndarray:
 
 
 def contact_sheet(scene: hg.Scene, path: Path, size: int = 300, columns: int = 4) -> None:
-    """All PLANES of one frame, in which the helmet turns by four degrees in 33 ms."""
+    """Renders all PLANES of one frame, in which the helmet turns by four degrees in 33 ms."""
     with scene.edit() as edit:
         edit.advance(1 / 30)
         edit.update("helmet", transform=turned(math.radians(4)))
@@ -106,7 +106,7 @@ def add_props(edit: hg.Edits) -> None:
 
 
 def randomise(edit: hg.Edits, rng: np.random.Generator) -> None:
-    """Where things lie, what they are made of, where the light comes from, where we stand."""
+    """Draws poses, materials, the light's direction and the camera's pose."""
     edit.update("helmet", transform=turned(rng.uniform(-0.6, 0.6)))
     start = rng.uniform(0, 2 * math.pi)
     for i, kind in enumerate(PROPS):
@@ -132,7 +132,7 @@ def randomise(edit: hg.Edits, rng: np.random.Generator) -> None:
 
 
 def jsonable(column: object) -> object:
-    """A label column as lists; what is not a number is null."""
+    """A label column as lists; null for numbers that are not finite."""
     values = np.asarray(column)
     if values.dtype.kind == "f":
         return np.where(np.isfinite(values), values.astype(object), None).tolist()
@@ -140,7 +140,7 @@ def jsonable(column: object) -> object:
 
 
 def sequence(scene: hg.Scene, folder: Path, count: int = 10) -> float:
-    """Randomised frames with their labels; frames a second, without the writing of files."""
+    """Randomised frames with their labels; frames per second, without the writing of files."""
     folder.mkdir(exist_ok=True)
     rng = np.random.default_rng(7)
     with scene.edit() as edit:
@@ -195,11 +195,11 @@ def main(out: Path) -> None:
         contact_sheet(scene, out / "planes.png")
         rate = sequence(scene, out / "sequence")
         latency = edit_latency(scene)
-    print(f"{out}/helmet.png       {frame.width}x{frame.height}, {frame.samples} samples a pixel")
+    print(f"{out}/helmet.png       {frame.width}x{frame.height}, {frame.samples} samples per pixel")
     print(f"{out}/planes.png       {len(PLANES)} planes of one frame")
     print(f"{out}/sequence/        ten randomised frames with labels")
-    print(f"frames a second       {rate:.2f}   (320x320, 16 samples, depth, instance, labels)")
-    print(f"rays a second         {rays / 1e6:.2f} million   (helmet.png)")
+    print(f"frames per second     {rate:.2f}   (320x320, 16 samples, depth, instance, labels)")
+    print(f"rays per second       {rays / 1e6:.2f} million   (helmet.png)")
     print(f"edit to frame         {latency * 1e3:.1f} ms   (256x256, 1 sample, pixels in numpy)")
     print(f"in all                {time.perf_counter() - start:.1f} s")
 

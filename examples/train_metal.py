@@ -48,7 +48,7 @@ def build(scene: hg.Scene) -> None:
 
 
 def label() -> np.ndarray:
-    """(64, 64, 3) uint8: what is printed on the can; its top is not its bottom."""
+    """Print of the can, (64, 64, 3) uint8; its top is not its bottom."""
     picture = np.full((64, 64, 3), (200, 200, 205), np.uint8)
     picture[:20] = (190, 60, 50)
     picture[44:, ::16] = picture[44:, 1::16] = (40, 60, 120)
@@ -71,7 +71,7 @@ def lamps(rng: np.random.Generator) -> np.ndarray:
 
 
 class Shuffle:
-    """Poses, materials and light of an image; those of the tests are not among the others."""
+    """Draws poses, materials and light of an image; test images use others than training."""
 
     def __init__(self, scene: hg.Scene, is_test: bool) -> None:
         self.is_test = is_test
@@ -102,8 +102,8 @@ class Shuffle:
 
 
 def item(image: hd.Image) -> dict[str, torch.Tensor]:
-    """Both pictures of a draw, "box" (x0, y0, x1, y1) in pixels, and "axis": the can's, from its
-    bottom to its top, seen by a camera that looks at it."""
+    """Sample of a draw: both pictures, "box" (x0, y0, x1, y1) in pixels, and "axis": the can's,
+    from its bottom to its top, seen by a camera that looks at it."""
     frame = image.frame
     normal, beauty = frame["normal"], frame["beauty"][..., :3]
     to_light = np.array([-0.5, -0.6, 0.62])
@@ -151,7 +151,8 @@ def layers(channels: int, *outputs: int) -> nn.Sequential:
 
 
 class Detector(nn.Module):
-    """For each of CELLS x CELLS cells: a score, and a box's distances to the cell's centre."""
+    """Network that gives, for each of CELLS x CELLS cells, a score and a box's distances to the
+    cell's centre."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -261,9 +262,7 @@ def train(scene: hg.Scene, images: int) -> dict[str, list[nn.Module]]:
             losses.append(loss.item())
         if step % 50 == 0 or step == steps:
             rate = min(step * BATCH, images) / (time.perf_counter() - start)
-            print(
-                f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images a second", flush=True
-            )
+            print(f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images/s", flush=True)
     return networks
 
 

@@ -69,7 +69,7 @@ def train(torch, scene: hg.Scene, balls: hg.Group, steps: int) -> None:
         optimizer.step()
         if step % 20 == 0 or step + 1 == steps:
             rate = (step + 1) / (time.perf_counter() - start)
-            print(f"step {step}: error of 1 / depth {loss.item():.4f}, {rate:.1f} frames a second")
+            print(f"step {step}: error of 1 / depth {loss.item():.4f}, {rate:.1f} frames/s")
 
 
 def main(steps: int) -> int:

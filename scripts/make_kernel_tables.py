@@ -1,5 +1,5 @@
 """Writes the tables of kernels/: sRGB decoding, the inverse of the Blackman-Harris filter's
-integral, and albedos of sheen. Those of GGX: make_ggx_tables.cpp.
+integral, and albedos of sheen. make_ggx_tables.cpp writes the tables of GGX.
 
 usage: make_kernel_tables.py KERNELS_FOLDER (needs numpy). The results are checked in; run it again
 when a size changes.

@@ -24,7 +24,7 @@ SOURCE = (
 )
 SHA256 = "d66c829016b4f092c443b7f7896f06d0ab6af02a103d635d1b0b841c14bfd7c1"
 ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/openimageio"
-# What the library was built with: `nm -DC` shows the namespace.
+# Values that the library was built with: `nm -DC` shows the namespace.
 VALUES = {
     "PROJECT_VERSION_MAJOR": "3",
     "PROJECT_VERSION_MINOR": "2",

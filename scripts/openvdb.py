@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Puts the sources of OpenVDB and NanoVDB where CMake finds them: .venv/openvdb.
 
-They are those that Debian's package `openvdb` is built from. Its library is not used: it loads a
-logger that starts threads (docs/decisions/048). Run by scripts/setup.
+Debian's package `openvdb` is built from them. Its library is not used: it loads a logger that
+starts threads (docs/decisions/048). Run by scripts/setup.
 
 usage: scripts/openvdb.py
 """
@@ -17,7 +17,7 @@ from sources import repair, source, unpack
 VERSION = "10.0.1"
 SOURCE = f"https://deb.debian.org/debian/pool/main/o/openvdb/openvdb_{VERSION}.orig.tar.xz"
 SHA256 = "776706ca285a43b53e24c28d8f8b2112aea3dbf94c3c5f399cf6ff43403f5ace"
-# Where a file is believed what size it claims, and the check that is put before.
+# Checks put before the places that trust a size in a file.
 LONG = 'if ({0} > 1u << 24) OPENVDB_THROW(IoError, "a text is longer than 16 MiB"); '
 WRONG = 'if (size_t(-{0}) != numBytes) OPENVDB_THROW(RuntimeError, "a block has a wrong size"); '
 LARGE = (

@@ -1,9 +1,9 @@
 """The contents of a bundle or a wheel, as CycloneDX 1.5 JSON. Used by scripts/bundle and
 scripts/wheel.
 
-Nothing is listed by hand: packages are those that brought the files inside (dpkg), those whose
-headers the build tree says were compiled in (Ninja), and those that pip unpacked; beside them
-sources that were compiled in. A file of unknown origin ends the program.
+Nothing is listed by hand: packages that brought the files inside (dpkg), packages whose headers
+were compiled in by the build tree (Ninja), packages that pip unpacked, and sources that were
+compiled in. A file of unknown origin ends the program.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ GCC = "GPL-3.0-or-later WITH GCC-exception-3.1"
 
 
 def said(*command: object) -> str:
-    """What the command prints; ends this program when it fails."""
+    """Output of a command; ends this program when it fails."""
     done = subprocess.run([str(each) for each in command], stdout=subprocess.PIPE, text=True)
     if done.returncode:
         sys.exit(f"sbom: failed: {' '.join(map(str, command))}")
@@ -65,8 +65,8 @@ def is_elf(path: pathlib.Path) -> bool:
 
 
 def owners(paths: Iterable[pathlib.Path]) -> dict[pathlib.Path, str]:
-    """The package that brought each file, which may be listed without its /usr. What no package
-    brought is left out."""
+    """The package that brought each file, which may be listed without its /usr. Files of no package
+    are left out."""
     listed = [text for path in paths for text in (str(path), str(path).removeprefix("/usr"))]
     found = subprocess.run(["dpkg", "-S", *listed], capture_output=True, text=True).stdout
     owner = {line.split(": ")[1]: line.split(":")[0] for line in found.splitlines()}
@@ -85,9 +85,9 @@ def versions_of(packages: Iterable[str]) -> dict[str, str]:
 
 
 def compiled_in(build: pathlib.Path) -> dict[str, str]:
-    """Package -> "static" or "headers": what a tree's programs have of others in them."""
+    """Package -> "static" or "headers", for packages compiled into a tree's programs."""
     if not (build / "build.ninja").exists():
-        sys.exit(f"sbom: {build} is no tree of Ninja, so what was compiled in is not known")
+        sys.exit(f"sbom: {build} is no tree of Ninja, so the files compiled in are not known")
     ninja = "ninja", "-C", build.resolve(), "-t"
     inputs = said(*ninja, "inputs", *PROGRAMS).splitlines()
     objects = [line for line in inputs if line.endswith(".o") and not line.startswith("/")]
@@ -108,7 +108,7 @@ def compiled_in(build: pathlib.Path) -> dict[str, str]:
 
 
 def licences_of(package: str) -> list[dict[str, Any]]:
-    """Of what the package's copyright file says of its files at large."""
+    """Licences of a package, from the part of its copyright file that covers its files at large."""
     text = pathlib.Path(f"/usr/share/doc/{package}/copyright").read_text(errors="replace")
     if "GCC Runtime Library Exception" in re.sub(r"\s+", " ", text):
         return [{"expression": GCC}]
@@ -171,7 +171,7 @@ def component(name: str, version: str, purl: str, **more: Any) -> dict[str, Any]
 
 
 class Sbom:
-    """Of the files below `stage`."""
+    """SBOM of the files below `stage`."""
 
     def __init__(self, stage: pathlib.Path, name: str, version: str) -> None:
         self._stage = stage
@@ -191,7 +191,7 @@ class Sbom:
         return [file_component(path, str(path.relative_to(self._stage))) for path in here]
 
     def add_programs(self) -> None:
-        """This project's own."""
+        """Adds this project's own programs."""
         self._own["components"] = self._files(self._stage / name for name in PROGRAMS)
 
     def add_packages(self, brought: dict[str, str], kinds: dict[str, str]) -> None:
@@ -224,7 +224,7 @@ class Sbom:
         )
 
     def add_source(self, name: str, version: str, licence: str, where: str) -> None:
-        """What was compiled in from an archive of sources, and where that is to be had."""
+        """Adds a library that was compiled in, with the archive of its sources."""
         purl = f"pkg:generic/{name}@{version}?download_url={urllib.parse.quote(where, safe='')}"
         more = {
             "licenses": [{"expression": licence}],
@@ -233,7 +233,7 @@ class Sbom:
         self._components.append(component(name, version, purl, **more))
 
     def add_unpacked(self, folder: pathlib.Path) -> None:
-        """All that pip unpacked in a folder."""
+        """Adds every distribution that pip unpacked in a folder."""
         for info in sorted(folder.glob("*.dist-info")):
             dist = importlib.metadata.Distribution.at(info)
             self.add_dist(dist, [folder / str(file) for file in dist.files or ()])

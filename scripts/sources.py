@@ -23,11 +23,11 @@ def source(url: str, sha256: str) -> tarfile.TarFile:
 
 
 def repair(path: pathlib.Path, changes: dict[str, str]) -> None:
-    """Replaces what a file has; ends the program where it has it not."""
+    """Replaces text of a file; ends the program if it lacks that text."""
     text = path.read_text()
     for old, new in changes.items():
         if old not in text:
-            raise SystemExit(f"{path} has not what is repaired: {old}")
+            raise SystemExit(f"{path} lacks the text to repair: {old}")
         text = text.replace(old, new)
     path.write_text(text)
 

@@ -16,7 +16,7 @@ from mathutils import Matrix
 
 
 def set_path_tracing(cycles: Any) -> None:
-    """All paths of MAX_DEPTH edges, nothing clamped or left out."""
+    """Sets Cycles to all paths of MAX_DEPTH edges, nothing clamped or left out."""
     bounces = setting.MAX_DEPTH - 2  # Cycles counts those after the first direct light
     for kind in ("max", "diffuse", "glossy", "transmission", "volume", "transparent_max"):
         setattr(cycles, f"{kind}_bounces", bounces)
@@ -105,7 +105,7 @@ def glowing(radiance: float) -> Any:
 
 
 class Studio:
-    """All that the lights need; those of a picture are shown."""
+    """Scene with everything that the lights need; each picture shows its own part."""
 
     def __init__(self) -> None:
         bpy.ops.wm.read_factory_settings(use_empty=True)

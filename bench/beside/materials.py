@@ -305,7 +305,7 @@ ROWS = (
 
 
 def pictures(names: list[str]) -> Iterator[tuple[Row, str]]:
-    """Each material under each of its lights. names: of materials; none: all of them."""
+    """Yields each material under each of its lights. names: of materials; none: all of them."""
     for row in ROWS:
         if not names or row.name in names:
             for light in row.lights:

@@ -1,4 +1,4 @@
-"""What every renderer is given: a ball, what lights it, a camera; what is measured of a picture.
+"""Setting of every renderer: a ball, its lights, a camera; and the measures of a picture.
 
 Used by the three renderers' scripts and by tests/image/test_materials_beside_peers.py. numpy only.
 World: right-handed, Z up, metres. The camera is orthographic and looks along +Y, so that a ring of
@@ -16,7 +16,7 @@ import numpy as np
 SIZE = 64  # pixels, square
 HALF_VIEW = 1.1  # metres from the middle of the picture to its edge; the ball's radius is 1
 RINGS = 6  # of equal width: 7, 15, 24, 35, 47 and 63 degrees to the normal on average
-DISC = 1 - 2 * HALF_VIEW / SIZE  # radius of what is measured: a pixel less than the ball's
+DISC = 1 - 2 * HALF_VIEW / SIZE  # radius that is measured: a pixel less than the ball's
 SPOT_DEGREES = (0, 6, 12, 20, 30, 45, 60)  # of the normal to the half vector of lamp and camera
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 MAX_DEPTH = 40  # path edges: a hundredth of the light is left in rough glass of index 2
@@ -127,7 +127,8 @@ STATISTICS = ("red", "green", "blue", *MASKS)
 
 
 def statistics(picture: np.ndarray) -> np.ndarray:
-    """In the order of STATISTICS: colour of the disc, and mean luminances. (SIZE, SIZE, 3)"""
+    """Statistics of a picture (SIZE, SIZE, 3) in the order of STATISTICS: colour of the disc, and
+    mean luminances."""
     light = picture.astype("f8") @ LUMINANCE
     means = [float(light[mask].mean()) for mask in MASKS.values()]
     return np.array([*picture[MASKS["disc"]].mean(0, dtype="f8"), *means])
@@ -139,7 +140,7 @@ def wanted(light: str) -> list[str]:
 
 
 def mean_and_error(chunks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of independent pictures' statistics (N, ...): their mean and its standard error."""
+    """Mean and standard error of independent pictures' statistics (N, ...)."""
     return chunks.mean(0), chunks.std(0, ddof=1) / math.sqrt(len(chunks))
 
 

@@ -1,4 +1,5 @@
-"""What the scripts of all three renderers do: each material under each of its lights, one by one.
+"""Common part of the scripts of all three renderers: renders each material under each of its
+lights.
 
 usage: RENDERER_side.py SPP CHUNKS OUT.npz [MATERIAL...]; what OUT holds already is kept.
 """
@@ -40,7 +41,7 @@ def load(path: str) -> dict[str, Any]:
 
 
 def save(path: str, found: dict[str, Any]) -> None:
-    """All of it or nothing, whenever the process is stopped."""
+    """Writes all of it or nothing, whenever the process is stopped."""
     part = path + ".part"
     with open(part, "wb") as file:
         np.savez(file, **found)

@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 FULL, SMALL, QUALITY = (1280, 720), (256, 256), (192, 108)
-CHUNK = 64  # samples a pixel of one picture of a reference
+CHUNK = 64  # samples per pixel of one picture of a reference
 
 
 def load_scene(folder, lambert=False):
@@ -24,7 +24,8 @@ def load_scene(folder, lambert=False):
 
 
 def read_ply(path):
-    """Only the layout make_scenes.py writes: x y z nx ny nz u v float32, uchar + 3 int32 faces."""
+    """Reads the layout that make_scenes.py writes: x y z nx ny nz u v float32, uchar + 3 int32
+    faces."""
     with open(path, "rb") as file:
         header = list(iter(file.readline, b"end_header\n"))
         vertices, faces = (int(line.split()[2]) for line in header if line.startswith(b"element"))

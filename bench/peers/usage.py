@@ -9,7 +9,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def children(pid):
-    """Every living descendant of a process."""
+    """Lists the ids of every living descendant of a process."""
     found = []
     for path in glob.glob(f"/proc/{pid}/task/*/children"):
         try:
@@ -49,7 +49,8 @@ def peak_megabytes(pid):
 
 
 class Tree:
-    """This process and its descendants. A thread looks for those that live for a moment only."""
+    """CPU time and memory of this process and its descendants. A thread looks for those that live
+    only a moment."""
 
     def __init__(self):
         self.peaks = {}

@@ -15,7 +15,7 @@ PREPARE = BlenderGlTF.pre_compute
 
 
 def without_animations(gltf):
-    """They would pose what is compared at rest."""
+    """Removes animations, which would pose models that are compared at rest."""
     FOUND.extend(gltf.data.animations or [])
     gltf.data.animations = None
     PREPARE(gltf)

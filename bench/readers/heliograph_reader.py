@@ -41,7 +41,7 @@ def key(ref):
 
 
 def surface(scene, things):
-    """All triangles where they are shown at rest. things: (entity, its message, its pose)"""
+    """Surface of all triangles that are shown, at rest. things: (entity, its message, its pose)"""
     found = model_facts.Surface()
     shown = [thing for thing in things if is_shown(thing[1])]
     fields = ["mesh.positions", "mesh.indices", "mesh.morph_positions", *SKIN]

@@ -78,7 +78,7 @@ def build(edit: hg.Edits) -> hg.Entity:
             at = (j - (COLUMNS - 1) / 2, 0, (len(ROWS) - 1) / 2 - i)
             pose = hg.Pose(at, euler=(0.9, 0.4, 0))
             edit.entity(f"{name}/{j}", mesh=shapes[shape], material=material, transform=pose)
-    # From behind, between things and wall.
+    # Light from behind, between things and wall.
     lamp = edit.mesh("lamp/mesh", **hg.shapes.plane(1.6))
     edit.material("lamp/material", base_color=0)
     pose = hg.look_at((3.2, 0.9, 3.2), (0, 0, 0), (0, 0, 1))

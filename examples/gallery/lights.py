@@ -69,7 +69,7 @@ def lamps(client: hg.Client, spp: int, lights: tuple[hg.Light, ...]) -> list[np.
 
 
 def groups(client: hg.Client, spp: int) -> list[np.ndarray]:
-    """One render, its groups mixed anew."""
+    """Renders once and mixes the light groups anew."""
     with client.create_scene() as scene:
         with scene.edit() as edit:
             still_life(edit)

@@ -24,7 +24,8 @@ def lobe(vertical: np.ndarray, centre: float, width: float) -> np.ndarray:
 
 
 def even(vertical: np.ndarray) -> np.ndarray:
-    """What lights a wall alike from 14 degrees off its foot to 60: E = I sin^3 / distance^2."""
+    """Profile that lights a wall evenly from 14 degrees off its foot to 60: E = I sin^3 /
+    distance^2."""
     sine = np.sin(np.radians(np.maximum(vertical, 1)))
     return np.minimum(1, (0.24 / sine) ** 3) * (vertical < 60)
 

@@ -39,7 +39,7 @@ class SecondSocket:
         self.maps, self.changed, self.on = {}, threading.Condition(), False
 
     def start(self):
-        """After OpenSession: this client maps buffers."""
+        """Tells the daemon, after OpenSession, that this client maps buffers."""
         threading.Thread(target=self.listen, daemon=True).start()
         self.send(0, 0)
         with self.changed:
@@ -66,7 +66,7 @@ class SecondSocket:
                 self.changed.notify_all()
 
     def take(self, ref):
-        """Copies what a BufferRef names and gives the buffer back."""
+        """Copies the range that a BufferRef names and gives the buffer back."""
         with self.changed:
             self.changed.wait_for(lambda: ref.buffer in self.maps, 10)
             data = self.maps[ref.buffer][ref.offset : ref.offset + ref.size]

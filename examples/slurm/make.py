@@ -1,4 +1,4 @@
-"""One task's share of a data set of dice: make.sh runs it in a SLURM array, and
+"""Share of one task of a data set of dice: make.sh runs it in a SLURM array, and
 deploy/kubernetes/dataset in an indexed Job.
 
 usage: make.py OUT_DIR COUNT [--task N --tasks N] [--threads N | --address ADDRESS] [--size W H]
@@ -18,7 +18,7 @@ DICE = [f"die/{i}" for i in range(12)]
 
 
 def build(scene: hg.Scene, size: tuple[int, int]) -> None:
-    """The same in every task, so that they make one data set."""
+    """Builds the scene, the same in every task, so that they make one data set."""
     with scene.edit() as edit:
         edit.sample_studio()
         mesh = edit.mesh("die/mesh", **hg.shapes.cube(0.2))
@@ -36,7 +36,7 @@ def throw(draw: hd.Draw) -> None:
 
 
 def cpu_seconds() -> float:
-    """Of this process and of the daemon that it ended."""
+    """CPU seconds of this process and of the daemon that it ended."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(each.ru_utime + each.ru_stime for each in used)
 
@@ -72,8 +72,8 @@ def main() -> None:
     made, seconds = max(1, done.images), time.monotonic() - start
     print(
         f"task {options.task} of {options.tasks}: {done.images} images, {done.skipped} were there, "
-        f"{done.images / seconds:.2f} images a second, {cpu_seconds() / made:.3g} core-seconds an "
-        f"image{'; all images are there' if done.complete else ''}"
+        f"{done.images / seconds:.2f} images per second, {cpu_seconds() / made:.3g} core-seconds "
+        f"an image{'; all images are there' if done.complete else ''}"
     )
 
 

@@ -1,4 +1,4 @@
-"""How an answer that a recording holds differs from one that came. Used by _questions.py."""
+"""Differences between a recorded answer and one that came. Used by _questions.py."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def difference_of(was: Any, found: Any) -> str:
 
 
 def _shorten(message: Any) -> None:
-    """As recording.proto says of a question's replies."""
+    """Replaces long bytes by their SHA-256, as recording.proto does in a question's replies."""
     for field, value in message.ListFields():
         if isinstance(value, Message):
             _shorten(value)
@@ -45,7 +45,7 @@ def _shorten(message: Any) -> None:
 
 
 def _drop_passing(answer: Any) -> None:
-    """What another run of the same calls may answer otherwise."""
+    """Drops fields that another run of the same calls may answer otherwise."""
     if isinstance(answer, service.DescribeSceneReply):
         answer.scene.ClearField("scene")
         answer.scene.ClearField("next_edit")

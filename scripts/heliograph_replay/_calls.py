@@ -1,4 +1,4 @@
-"""One recorded call asked again, and its answer compared. Used by replay.py."""
+"""Replay of one recorded call, and the comparison of its answer. Used by replay.py."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class Calls:
         return int((request.job if call.method == "RenderBatch" else request).scene)
 
     def tag_of(self, call: Call, part: Part) -> int | None:
-        """Of an item of a RenderBatch; None: it is none."""
+        """Tag of an item of a RenderBatch; None: it is none."""
         try:
             request = self._recording.request(call, part)
         except Damaged:
@@ -185,7 +185,7 @@ class Calls:
         self._compare(call, was, [self.for_here(call, request, was)])
 
     def edit(self, call: Call, part: Part, was: Any) -> None:
-        """One edit, by Apply."""
+        """Replays one edit, by Apply."""
         request = self._recording.request(call, part)
         request = self.for_here(call, request, was)
         _compare("Apply", was, self._ask(call, "Apply", [request]))
@@ -277,7 +277,7 @@ class Calls:
 
 
 def merged(replies: Iterable[Any]) -> Any:
-    """One reply of those in which a DecodeAsset tells of its asset."""
+    """Merges the replies in which a DecodeAsset describes its asset."""
     whole: Any = None
     for reply in replies:
         if whole is None:
@@ -287,7 +287,7 @@ def merged(replies: Iterable[Any]) -> Any:
 
 
 def arrays_of(message: Any) -> Iterator[types.Array]:
-    """Every Array in a message."""
+    """Yields every Array in a message."""
     if isinstance(message, types.Array):
         yield message
         return
@@ -332,7 +332,7 @@ def told(answer: Any) -> str:
 
 
 def _compare(method: str, was: Any, found: Any) -> None:
-    """Raises Differs. Of errors the code and the field are compared, of replies COMPARED."""
+    """Raises Differs. Compares the code and the field of errors, and COMPARED of replies."""
     if isinstance(was, HeliographError) or isinstance(found, HeliographError):
         if key_of(was) != key_of(found):
             raise Differs(f"{told(found)}; it was {told(was)}")
@@ -353,6 +353,6 @@ def _compare_frame(was: pb.RecordFrame, found: Rendered | None) -> None:
     if found is None:
         raise Differs(f"{name} did not come")
     if found.samples != was.samples:
-        raise Differs(f"{name} has {found.samples} samples a pixel; it had {was.samples}")
+        raise Differs(f"{name} has {found.samples} samples per pixel; it had {was.samples}")
     if found.sha256 != was.sha256:
         raise Differs(f"{name} has other pixels or labels")

@@ -26,7 +26,8 @@ _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 
 
 class Questions:
-    """Those of a recording. An answer is a message, or the HeliographError that ended the call."""
+    """Questions of a recording. An answer is a message, or the HeliographError that ended the
+    call."""
 
     def __init__(self, recording: Recording, calls: Calls) -> None:
         self._recording = recording
@@ -57,7 +58,7 @@ class Questions:
             answers.close()
 
     def begin(self, call: Call) -> None:
-        """Begins a Watch where it began; what it tells is kept until it is compared."""
+        """Begins a Watch where it began; keeps its answers until they are compared."""
         first = self._recording.reply(call, call.replies[0])
         request = self._for_here(call, None)
         request.from_revision = first.revision + 1
@@ -152,7 +153,8 @@ class _Watch:
 
 
 def _which(request: Any, answer: Any) -> str:
-    """What an answer of a Read is of; "" of other answers."""
+    """Field and object that an answer of a Read describes, as "field of name: "; "" for other
+    answers."""
     if not isinstance(answer, service.ReadReply):
         return ""
     if answer.ref >= max(1, len(request.refs)) or answer.field >= len(request.fields):

@@ -1,5 +1,4 @@
-"""The command scripts/replay: plays what a daemon recorded, and tells whether the answers are the
-same."""
+"""The command scripts/replay: plays a daemon's recording and compares the answers."""
 
 from __future__ import annotations
 
@@ -21,8 +20,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; its exit status."""
     parser = argparse.ArgumentParser(
         prog="scripts/replay",
-        description="Plays what `heliographd --record` wrote against a private daemon, or the one "
-        "at --address, and tells of each call whether its answer is the same: revisions, ids, "
+        description="Plays a recording of `heliographd --record` against a private daemon, or the "
+        "one at --address, and tells of each call whether its answer is the same: revisions, ids, "
         "statuses, and every pixel. The same program on the same CPU gives the same.",
         epilog="Exit status: 0 the same, 1 different or failed, 2 wrong usage, 130 interrupted.",
     )
@@ -51,7 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _flags(recording: Recording, arguments: argparse.Namespace, folder: str) -> list[str]:
-    """Of a private daemon like the one that recorded."""
+    """Flags of a private daemon like the one that recorded."""
     if arguments.address is not None:
         return []
     flags = [f"--limit={name}={value}" for name, value in recording.header.limits.items()]

@@ -20,7 +20,7 @@ _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 
 
 class Damaged(Exception):
-    """A part of the recording is not what was written; the message says which."""
+    """Damaged part of a recording; the message names it."""
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,13 @@ from ._questions import QUESTIONS, Questions
 from .reader import Call, Damaged, Part, Recording
 
 SAME, DIFFERS, NOT_PLAYED = "same", "differs", "not played"
-# What is said of calls whose end depended on time or on other calls.
+# Codes of calls whose end depended on time or on other calls.
 _BY_TIME = ("CANCELLED", "DEADLINE_EXCEEDED", "UNAVAILABLE", "UNAUTHENTICATED")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a call, or of one edit, item or frame of a stream."""
+    """Outcome of a call, or of one edit, item or frame of a stream."""
 
     call: Call
     what: str  # "call 7 Apply", "call 9 RenderBatch, item 3"
@@ -73,7 +73,7 @@ class _Player:
         self._recording = recording
         self._calls, self._questions = ways
         self._steps: list[_Step] = []
-        # By scene: its accepted edits, after each the questions that came before the next.
+        # Accepted edits by scene, each followed by the questions that came before the next.
         self._in_order: dict[int, deque[_Step]] = defaultdict(deque)
         self._made_at: dict[tuple[int, int], int] = {}  # (scene, revision): place of its edit
         self._plan(
@@ -114,7 +114,7 @@ class _Player:
             self._add(call, call.end, partial(_damaged, str(damage)))
 
     def play(self) -> Iterator[Outcome]:
-        """Each step, and the ends of sessions between them."""
+        """Runs each step, and the ends of sessions between them."""
         ends = deque(self._recording.ends)
         for step in self._steps:
             while ends and ends[0][0] < step.at:
@@ -152,7 +152,7 @@ class _Player:
         return status_error(call.status.item.status)
 
     def _reason(self, call: Call) -> str:
-        """Why a call is left out; "": it is not."""
+        """Reason why a call is left out; "": it is not."""
         if call.status is None or not call.requests:
             return "the recording ends before its answer"
         refused = self._refusal(call)
@@ -200,7 +200,7 @@ class _Player:
         return None
 
     def _shown_at(self, at: int, shows: tuple[int, int]) -> int:
-        """Where something that began at `at` saw its revision."""
+        """Place at which something that began at `at` saw its revision."""
         return max(at, self._made_at.get(shows, 0))
 
     def _add_render(self, call: Call) -> None:
@@ -252,7 +252,8 @@ class _Player:
         return self._add(call, self._shown_at(part.at, shows), play, part=name, shows=shows)
 
     def _add_question(self, call: Call) -> None:
-        """At the revision that it was answered from, the newest one unless it named one."""
+        """Adds a question at the revision that it was answered from, the newest one unless it named
+        one."""
         if reason := self._reason(call):
             return self._add(call, call.end, partial(_skip, reason))
         assert call.status is not None
@@ -266,7 +267,7 @@ class _Player:
         return self._add(call, at, play, shows=shows, at_head=not names_one)
 
     def _add_watch(self, call: Call) -> None:
-        """Where it began, and where it told its last transaction."""
+        """Adds a watch: a step where it began, and one where it gave its last transaction."""
         if not call.replies or not call.requests:
             return self._add_question(call)
         scene = self._calls.scene_of(call, call.requests[0])
@@ -284,7 +285,7 @@ class _Player:
         return None
 
     def _add_frames(self, call: Call) -> None:
-        """Each frame of a Stream alone: which ones are shown depends on time."""
+        """Adds each frame of a Stream alone: which ones are shown depends on time."""
         for index, part in enumerate(call.frames):
             shows = self._calls.scene_of_frame(part.item), int(part.item.revision)
             play = partial(self._calls.again, call, part.item)
@@ -305,7 +306,7 @@ def _judge(step: _Step) -> tuple[str, str]:
 
 
 def _by_time(refused: HeliographError | None) -> str:
-    """Why an answer is not compared that depended on time; "": it did not."""
+    """Reason why an answer that depended on time is not compared; "": it did not."""
     if refused is None or not (refused.code in _BY_TIME or refused.retry_seconds > 0):
         return ""
     return f"it depended on time: {refused.code}"

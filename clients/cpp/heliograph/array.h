@@ -1,4 +1,4 @@
-// Dense arrays, in and out: what calls take, and what planes, columns and read-back give.
+// Dense arrays, in and out: arguments of calls, and planes, columns and read-back.
 #pragma once
 
 #include <array>
@@ -39,7 +39,8 @@ struct Half {
 using Shape = std::vector<std::size_t>;
 std::string to_string(const Shape& shape);  // "(480, 640)"
 
-/// What one C++ value is in an array: its dtype, and the inner dimensions that it fills.
+/// Type of an array's elements that one C++ value makes: a dtype, and the inner dimensions that it
+/// fills.
 template <class T>
 struct Element;
 template <DType D>
@@ -129,7 +130,7 @@ class Array {
     owner_ = std::move(owner);
   }
 
-  /// The same with a shape of its own, which has as many elements.
+  /// Array with a shape of its own, which has as many elements as `values`.
   template <class T>
   Array(std::vector<T> values, Shape shape) : Array(std::move(values)) {
     reshape(std::move(shape));
@@ -153,7 +154,7 @@ class Array {
   [[nodiscard]] const std::byte* data() const { return data_; }
   [[nodiscard]] bool empty() const { return size() == 0; }
 
-  /// As values of T: view<float>() of a (N, 3) f32 array has shape (N, 3),
+  /// View of the values as T: view<float>() of a (N, 3) f32 array has shape (N, 3),
   /// view<std::array<float, 3>>() has shape (N,). Another dtype is kInvalidArgument.
   template <class T>
   [[nodiscard]] View<T> view() const {
@@ -171,7 +172,7 @@ class Array {
   Shape shape_ = {0};
 };
 
-/// Named columns, one row an instance, a ray or a sample.
+/// Named columns, one row per instance, ray or sample.
 class Columns {
  public:
   struct Column {

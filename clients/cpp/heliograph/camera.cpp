@@ -1,4 +1,4 @@
-// Cameras from what people know of them.
+// Cameras from fields of view, focal lengths and calibrations.
 #include "heliograph/camera.h"
 
 #include <cmath>

@@ -18,7 +18,7 @@ namespace wire {
 class Session;
 }
 
-/// Whether durable scenes take edits.
+/// State of the journal: kWriting if durable scenes take edits.
 enum class Journal : int {
   kUnknown = 0,
   kNone = 1,      // there is no --state-dir, so there are none
@@ -34,9 +34,9 @@ struct ServerInfo {
   std::string cpu_features;
   std::uint32_t threads = 0;
   std::vector<std::string> capabilities{};
-  std::vector<std::string> refused{};             // what the kernel did not allow, and what follows
+  std::vector<std::string> refused{};             // features the kernel refused, and effects
   std::map<std::string, std::uint64_t> limits{};  // in force for this client's tenant
-  std::map<std::string, std::uint64_t> used{};    // what the tenant uses of them
+  std::map<std::string, std::uint64_t> used{};    // use of them by the tenant
   std::string tenant{};
   double weight = 1;   // the tenant's share of the device against others'
   bool ready = false;  // a pixel was rendered
@@ -58,7 +58,7 @@ class Client {
   /// A new scene from a file that Scene::save, of any client, wrote.
   Scene load_scene(const std::string& path, const std::string& name = "",
                    Lifetime lifetime = Lifetime::kSession);
-  /// Every scene that this client may open.
+  /// Lists every scene that this client may open.
   std::vector<Scene> scenes();
   [[nodiscard]] ServerInfo info() const;
 

@@ -1,4 +1,4 @@
-// What an entity can be given: the components of Edits::entity.
+// Components of an entity, for Edits::entity.
 #pragma once
 
 #include <cstdint>
@@ -22,17 +22,17 @@ struct Skin {
   Array inverse_binds;
 };
 
-/// What is set changes, what is not stays; reset() goes back to the default.
+/// Components that are set change, others stay; reset() goes back to the default.
 class Components {
  public:
   /// Relative to the parent, held for ever; or keys by time in seconds.
   Components& transform(const Pose& pose) { return set(&Fields::transform, pose); }
   Components& keys(Keys keys) { return set(&Fields::keys, std::move(keys)); }
-  /// This edit's pose is a jump: it has no flow over the step.
+  /// Makes this edit's pose a jump: it has no flow over the step.
   Components& teleport(bool v) { return set(&Fields::teleport, v); }
   Components& parent(Ref entity) { return set(&Fields::parent, std::move(entity)); }
   Components& mesh(Ref mesh) { return set(&Fields::mesh, std::move(mesh)); }
-  /// One material for all parts, or one a part.
+  /// Binds one material to all parts, or one per part.
   Components& material(Ref material) { return materials({std::move(material)}); }
   Components& materials(std::vector<Ref> parts) {
     return set(&Fields::materials, std::move(parts));
@@ -48,8 +48,8 @@ class Components {
   Components& morph_weights(std::map<double, std::vector<float>> by_time) {
     return morph_weights(std::move(by_time), true);
   }
-  /// 0: none. Without a label, what is given a category gets the next free one. Label, category,
-  /// group and part are one value: give them together. What is given a part is that part whole.
+  /// 0: none. Without a label, an entity with a category gets the next free one. Label, category,
+  /// group and part are one value: give them together. An entity with a part is that part whole.
   Components& label(std::uint32_t label) { return set(&Fields::label, label); }
   Components& category(std::string name) { return set(&Fields::category, std::move(name)); }
   Components& group(bool v) { return set(&Fields::group, v); }
@@ -57,7 +57,7 @@ class Components {
   /// false removes it from every ray and label; visibility() keeps its light.
   Components& visible(bool v) { return set(&Fields::visible, v); }
   Components& visibility(Visibility v) { return set(&Fields::visibility, v); }
-  /// It does not move, and is traced faster.
+  /// Promises that the entity does not move, which makes tracing faster.
   Components& is_static(bool v) { return set(&Fields::is_static, v); }
   Components& shadow_catcher(bool v) { return set(&Fields::shadow_catcher, v); }
   /// The name that all its light counts under in planes "beauty:NAME".

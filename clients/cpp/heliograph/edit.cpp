@@ -27,7 +27,7 @@ v1::Edit* add_edit(Draft& draft, Mode mode = Mode::kUpsert) {
   return edit;
 }
 
-/// Runs what fills the last edit; takes the edit back if that fails.
+/// Calls the function that fills the last edit; takes the edit back if that fails.
 template <class Fill>
 void fill_edit(Draft& draft, const Fill& fill) {
   try {
@@ -60,7 +60,7 @@ Made put_object(const std::shared_ptr<Draft>& draft, const std::string& name, Mo
   return Made(std::move(node));
 }
 
-/// What is given a category gets a label of its own unless it has one.
+/// Gives a new entity with a category a label of its own unless it has one.
 void put_new_entity(const Components& components, Draft& draft, v1::Entity* out) {
   wire::put_entity(components, draft, out);
   if (out->has_label() && out->label().instance_case() == v1::Label::INSTANCE_NOT_SET &&

@@ -25,19 +25,19 @@ struct PendingEdit;
 class Session;
 }  // namespace wire
 
-/// How an edit treats its name.
+/// Treatment of the name of an edit.
 enum class Mode : int {
   kUpsert = 0,  // change it, or create it when the name is new
   kCreate = 1,  // kAlreadyExists when the name is taken
   kUpdate = 2,  // kNotFound, with the nearest names, when it is not there
 };
 
-/// How a file is decoded.
+/// Options for decoding a file.
 struct ImportOptions {
   std::string name{};         // of the asset; default: the file's stem
   int count = 1;              // roots are called `name`, or "<name>/0" .. for a count above 1
   std::string up{};           // "x", "y" or "z", for formats that name no axis
-  double units = 0;           // metres a unit, for formats that name none; 0: 1
+  double units = 0;           // metres per unit, for formats that name none; 0: 1
   std::string variant{};      // of a glTF with KHR_materials_variants; "": its default
   bool surface = false;       // of a volume file: its level sets as a mesh, not as fog
   std::string server_path{};  // instead of the path: a file under the daemon's asset root
@@ -45,7 +45,7 @@ struct ImportOptions {
   bool strict = false;                 // refuse a model whose companions are not all there
 };
 
-/// Where a copy of an asset goes.
+/// Options for placing a copy of an asset.
 struct Placement {
   std::optional<Pose> transform{};
   std::optional<Ref> parent{};
@@ -59,7 +59,7 @@ struct Placement {
 /// A list of edits. A name that is empty makes an object without one. Thread: one at a time.
 ///
 /// Arrays up to 1 MiB travel in the message; larger ones are uploaded by these calls: topology and
-/// texels by SHA-256, once a session, vertices and matrices without a hash.
+/// texels by SHA-256, once per session, vertices and matrices without a hash.
 class Edits {
  public:
   Entity entity(const std::string& name, const Components& components, Mode mode = Mode::kUpsert);
@@ -92,7 +92,7 @@ class Edits {
   Entity instance(const Asset& asset, const std::string& name, const Placement& placement = {});
 
   /// kFailedPrecondition lists who still uses one; `cascade` removes an entity's children too and
-  /// unbinds what refers to it.
+  /// unbinds references to it.
   void remove(const std::vector<Ref>& things, bool cascade = false);
   void remove(const Ref& thing, bool cascade = false) { remove(std::vector<Ref>{thing}, cascade); }
   /// Removes every mesh, material, texture and volume that nothing refers to.
@@ -101,7 +101,7 @@ class Edits {
   /// follows is the state at the new time, and flow is backward from then on.
   void advance(double dt);
   void time(double seconds);
-  /// Registers classes in this order; those that are known keep their ids.
+  /// Registers classes in this order; known ones keep their ids.
   void categories(const std::vector<std::string>& names);
 
   /// Remarks on the files of textures and domes, each after its path: what their decoder assumed or
@@ -143,9 +143,9 @@ class Transaction final : public Edits {
   /// Sends it, waits, and gives the revision. kAborted when the scene has moved on from the
   /// expected revision.
   std::uint64_t commit();
-  /// Sends it and goes on; up to 256 may be on their way. They are applied in the order of these
-  /// calls, each by itself: what comes after a refused one is still applied, unless that one may be
-  /// sent again later (details().retry_seconds > 0). Then those behind it are kAborted.
+  /// Sends the transaction without waiting; up to 256 may be under way. They are applied in the
+  /// order of these calls, each by itself: one behind a refused one is still applied, unless that
+  /// one may be sent again later (details().retry_seconds > 0). Then those behind it are kAborted.
   Receipt commit_later();
 };
 

@@ -1,4 +1,4 @@
-// The one exception of the client: what the daemon or the client refuses, and why.
+// The client's only exception: a refusal of the daemon or the client, with its reason.
 #pragma once
 
 #include <cstdint>
@@ -37,8 +37,8 @@ struct ErrorDetails {
   std::string field;           // path of the offending value: "edits[3].mesh.indices"
   std::string reason{};        // docs/protocol.md lists them: "LIMIT_EXCEEDED"; "": gRPC's own
   std::string limit{};         // the limit that is in the way, by its name
-  std::uint64_t needed = 0;    // kResourceExhausted: what is needed of it,
-  std::uint64_t used = 0;      // what is used by others, and
+  std::uint64_t needed = 0;    // kResourceExhausted: amount needed,
+  std::uint64_t used = 0;      // amount in use, and
   std::uint64_t allowed = 0;   // the limit, in the unit that the message names
   std::uint64_t expected = 0;  // kAborted: the edit number or revision expected;
                                // kOutOfRange: the nearest revision that there is
@@ -49,8 +49,8 @@ struct ErrorDetails {
   std::vector<std::string> log{};      // its last 20 lines
 };
 
-/// Thrown by every call of the client, and nothing else is. what() names the field, what is wrong
-/// with it, and after a semicolon the remedy.
+/// Exception of every call of the client; there is no other. what() names the field, the fault, and
+/// after a semicolon the remedy.
 class ClientError : public std::runtime_error {
  public:
   ClientError(Code code, const std::string& message, ErrorDetails details = {})
@@ -61,7 +61,7 @@ class ClientError : public std::runtime_error {
   [[nodiscard]] const std::string& reason() const noexcept { return details_.reason; }
   [[nodiscard]] const ErrorDetails& details() const noexcept { return details_; }
 
-  /// What to do about it: the message from its first semicolon on, or all of it without one.
+  /// Remedy: the message from its first semicolon on, or all of it without one.
   [[nodiscard]] std::string remedy() const;
 
  private:

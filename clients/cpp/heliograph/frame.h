@@ -13,14 +13,14 @@
 
 namespace heliograph::client {
 
-/// One output image. docs/planes.md has every one with its unit and frame.
+/// Output image. docs/planes.md lists all planes with their units and frames.
 struct Plane {
   std::string name;  // "depth"; "disparity:right", "beauty:key" with their argument
   std::string unit;  // "m"
   Array pixels;      // (H, W) or (H, W, C)
 };
 
-/// What a frame says of itself besides its pixels.
+/// Description of a frame besides its pixels.
 struct FrameInfo {
   std::uint64_t scene = 0;
   std::uint64_t revision = 0;
@@ -48,8 +48,9 @@ struct FrameInfo {
   Mat4 camera_from_world_cv{};                        // OpenCV camera: x right, y down, z forward
 };
 
-/// One camera, one revision, one time: planes and labels of one job. Immutable; copies share the
-/// pixels, which stay valid as long as a frame, an array or a view of them does. Thread: any.
+/// Planes and labels of one camera at one revision and one time, from one job. Immutable; copies
+/// share the pixels, which stay valid as long as a frame, an array or a view of them does. Thread:
+/// any.
 class Frame {
  public:
   Frame() = default;

@@ -21,7 +21,7 @@ namespace heliograph::client {
 class Mesh;
 class Material;
 
-/// A thing in the world. What reads asks the daemon each time.
+/// Entity of a scene. Methods that read ask the daemon each time.
 class Entity : public Handle {
  public:
   static constexpr Kind kKind = Kind::kEntity;
@@ -63,7 +63,8 @@ class Material : public Handle {
   static constexpr Kind kKind = Kind::kMaterial;
   using Handle::Handle;
 
-  /// Every number by its name, grey colours too; one that a texture drives gives its factor.
+  /// Maps each numeric parameter to its value, grey as a colour; one that a texture drives gives
+  /// its factor.
   [[nodiscard]] std::map<std::string, Color> parameters() const;
 };
 
@@ -97,8 +98,8 @@ class Asset {
   [[nodiscard]] Entity root() const;     // of the first placement
   [[nodiscard]] Group roots() const;     // one a placement
   [[nodiscard]] Group entities() const;  // of the first placement, its root first
-  [[nodiscard]] Group cameras() const;   // those of them that have a camera
-  /// By the names in the file; kNotFound lists them.
+  [[nodiscard]] Group cameras() const;   // the ones with a camera
+  /// Finds an object by its name in the file; kNotFound lists the names.
   [[nodiscard]] Mesh mesh(const std::string& name) const;
   [[nodiscard]] Material material(const std::string& name) const;
   [[nodiscard]] Texture texture(const std::string& name) const;

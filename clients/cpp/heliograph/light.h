@@ -9,7 +9,7 @@
 
 namespace heliograph::client {
 
-/// Light that an entity's mesh gives off, besides what its material emits; a shape about the
+/// Light that an entity's mesh gives off, besides its material's emission; a shape about the
 /// entity's origin; or, with a sun_angle, a sun. Discs, rectangles, cones and suns shine along the
 /// entity's -Z.
 struct Light {
@@ -57,7 +57,7 @@ struct Portal {
   double height = 1;
 };
 
-/// Which rays meet an entity's surface.
+/// Visibility of an entity's surface, by kind of ray.
 struct Visibility {
   bool camera = true;
   bool diffuse = true;

@@ -22,7 +22,7 @@ class BatchCall;
 class LiveCall;
 }  // namespace wire
 
-/// Walks through what a source's next() gives, once: `for (const Frame& frame : live)`.
+/// Iterates once over the values of a source's next(): `for (const Frame& frame : live)`.
 template <class Source, class Item>
 class OnePass {
  public:
@@ -50,8 +50,8 @@ class OnePass {
   std::optional<Item> item_{};
 };
 
-/// One item of Scene::render_batch. Of its options, progress, on_pass, timeout and cancellation are
-/// of the whole batch and refused here.
+/// Item of Scene::render_batch. The options progress, on_pass, timeout and cancellation belong to
+/// the whole batch and are refused here.
 struct Job {
   std::vector<Ref> cameras;
   RenderOptions options{};
@@ -64,7 +64,7 @@ struct BatchOptions {
   std::optional<Cancellation> cancellation{};
 };
 
-/// What became of a Job: its frames in the order of its cameras, or its error.
+/// Result of a Job: its frames in the order of its cameras, or its error.
 struct Result {
   std::uint64_t tag = 0;
   std::vector<Frame> frames{};
@@ -77,8 +77,8 @@ struct Result {
 /// Gives the jobs of a batch one by one, none at the end; called when the last Result was taken.
 using Jobs = std::function<std::optional<Job>()>;
 
-/// The Results of a batch in the order in which its jobs are done. Copies are the same batch;
-/// letting go of the last one cancels what is under way. Thread: one takes, any may close().
+/// Results of a batch in the order in which its jobs are done. Copies are the same batch;
+/// destroying the last one cancels the jobs under way. Thread: one takes, any may close().
 class Results {
  public:
   using iterator = OnePass<Results, Result>;
@@ -88,22 +88,22 @@ class Results {
   std::optional<Result> next();
   iterator begin() { return iterator(this); }
   iterator end() { return {}; }
-  /// Cancels what is under way: next() throws kCancelled.
+  /// Cancels the jobs under way: next() throws kCancelled.
   void close();
 
  private:
   std::shared_ptr<wire::BatchCall> call_;
 };
 
-/// What a live picture does when something newer comes: kLatest refines frames (1, 2, 4, ...
+/// Policy of a live picture when something newer comes: kLatest refines frames (1, 2, 4, ...
 /// samples) until then and drops old ones; kLossless gives the final frames of each update, in
 /// order.
 enum class Policy : int { kLatest, kLossless };
 
-/// Frames of a scene as it changes, by any client's edits or by update(). info().revision says what
-/// a frame shows, info().is_final whether its refinement is over. Copies are the same stream;
-/// letting go of the last one ends it. Thread: one takes frames, any may call update(), finish()
-/// and close().
+/// Frames of a scene as it changes, by any client's edits or by update(). info().revision is the
+/// one that a frame shows, info().is_final is true once its refinement is over. Copies are the same
+/// stream; destroying the last one ends it. Thread: one takes frames, any may call update(),
+/// finish() and close().
 class Live {
  public:
   using iterator = OnePass<Live, Frame>;
@@ -114,11 +114,11 @@ class Live {
   iterator begin() { return iterator(this); }
   iterator end() { return {}; }
 
-  /// What is rendered from now on. Begin with options() to keep the rest: they replace all.
+  /// Changes the request from now on. Begin with options() to keep the rest: they replace all.
   void update(const RenderOptions& options);
   void update(const std::vector<Ref>& cameras, const RenderOptions& options);
   [[nodiscard]] RenderOptions options() const;
-  /// No more updates: the frames end with the last one of what was asked for.
+  /// Takes no more updates: the frames end with the last one asked for.
   void finish();
   /// Ends the stream at once: next() throws kCancelled.
   void close();

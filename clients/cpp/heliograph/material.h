@@ -1,4 +1,4 @@
-// What a material is made of: the parameters of Edits::material. docs/materials.md explains each.
+// Parameters of a material, for Edits::material. docs/materials.md explains each.
 #pragma once
 
 #include <array>
@@ -44,8 +44,8 @@ struct ColorParameter : std::variant<Color, TextureUse> {
 
 enum class AlphaMode : int { kOpaque = 1, kMask = 2, kBlend = 3 };
 
-/// What is set changes, what is not stays; reset() goes back to the default. Metres, turns, [0, 1]
-/// and defaults as in scene.proto, whose names these are.
+/// Parameters that are set change, others stay; reset() goes back to the default. Units (metres,
+/// turns, [0, 1]) and defaults are those of scene.proto, whose names these are.
 class Parameters {
  public:
   using Value = std::variant<std::monostate, ScalarParameter, ColorParameter, TextureUse, bool,

@@ -85,8 +85,8 @@ using Keys = std::map<double, Pose>;
 
 /// Uniform motion, about the pose's own position.
 struct Motion {
-  Vec3 velocity{};          // metres a second, in the parent's frame
-  Vec3 angular_velocity{};  // radians a second about that axis of the parent's frame
+  Vec3 velocity{};          // metres per second, in the parent's frame
+  Vec3 angular_velocity{};  // radians per second about that axis of the parent's frame
 };
 
 /// Keys over times.front() .. times.back(), increasing, of a thing that is at `pose` at the first

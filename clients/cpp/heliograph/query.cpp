@@ -44,7 +44,7 @@ Columns join(const std::vector<Columns>& replies, std::size_t axis) {
   return Columns(std::move(out));
 }
 
-/// The rows of an answer, which come in pieces; what is asked next is of the same revision.
+/// Rows of an answer, which come in pieces; each request after the first names its revision.
 template <class Request, class Reply>
 Columns ask(const wire::SceneCore& scene,
             std::unique_ptr<grpc::ClientReader<Reply>> (wire::Session::Stub::*method)(

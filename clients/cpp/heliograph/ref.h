@@ -12,11 +12,11 @@ namespace wire {
 struct Node;
 }
 
-/// As in the upper 8 bits of an id.
+/// Kind of an object, as in the upper 8 bits of its id.
 enum class Kind : int { kEntity = 1, kMesh = 2, kMaterial = 3, kTexture = 4, kVolume = 5 };
 
-/// One object of a scene. Its id is known once its transaction was committed. Copies denote the
-/// same object and keep their scene alive. Thread: any.
+/// Handle of an object in a scene. Its id is known once its transaction was committed. Copies
+/// denote the same object and keep their scene alive. Thread: any.
 class Handle {
  public:
   Handle() = default;  // no object

@@ -1,4 +1,4 @@
-// What Scene::render can be told.
+// Options of Scene::render.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct Draft;
 
 enum class PixelFilter : int { kBox = 1, kTent = 2, kGaussian = 3, kBlackmanHarris = 4 };
 
-/// Which label columns a frame carries. docs/python.md lists the columns of each.
+/// Label columns of a frame. docs/python.md lists the columns of each.
 struct Labels {
   bool boxes = true;
   bool amodal = false;
@@ -32,7 +32,7 @@ struct Labels {
   std::uint32_t max_rows = 0;              // 0: 65536
 };
 
-/// How far a job is.
+/// Progress of a job.
 struct Progress {
   double done = 0;  // share of the work, [0, 1]
   double rays_per_second = 0;
@@ -40,7 +40,7 @@ struct Progress {
   double noise = 0;  // mean relative standard error; nan until known
 };
 
-/// Ends renders from another thread: those that were given a copy of it throw kCancelled, and the
+/// Cancels renders from another thread: the ones that got a copy of it throw kCancelled, and the
 /// daemon's device is free within 10 ms. The client stays usable. Thread: any.
 class Cancellation {
  public:
@@ -52,14 +52,15 @@ class Cancellation {
   std::shared_ptr<wire::Cancelling> state_;
 };
 
-/// Options of a render; what is not set has the daemon's default. docs/python.md explains each.
+/// Options of a render; options that are not set have the daemon's default. docs/python.md explains
+/// each.
 class RenderOptions {
  public:
   /// Names; "disparity:CAMERA" names its second camera, "beauty:GROUP" a light group. {"beauty"}.
   RenderOptions& planes(std::vector<std::string> v) { return set(&Fields::planes, std::move(v)); }
-  /// Those of the planes that come as half floats: frame.plane<Half>("depth"). None.
+  /// Planes that come as half floats: frame.plane<Half>("depth"). Default: none.
   RenderOptions& half(std::vector<std::string> v) { return set(&Fields::half, std::move(v)); }
-  /// The stop rule of averaged planes, any of the three: samples a pixel, seconds, relative noise.
+  /// Stop rule of averaged planes, any of the three: samples per pixel, seconds, relative noise.
   /// Without one, 64 samples.
   RenderOptions& spp(std::uint32_t v) { return set(&Fields::spp, v); }
   RenderOptions& seconds(double v) { return set(&Fields::seconds, v); }
@@ -88,13 +89,13 @@ class RenderOptions {
   RenderOptions& filter(PixelFilter v) { return set(&Fields::filter, v); }
   RenderOptions& transparent_background(bool v) { return set(&Fields::transparent_background, v); }
   RenderOptions& through_transmission(bool v) { return set(&Fields::through_transmission, v); }
-  /// Of a path, that centre planes tell of; 0, the first surface.
+  /// Vertex of the path that centre planes describe; 0, the first surface.
   RenderOptions& vertex(std::uint32_t v) { return set(&Fields::vertex, v); }
   /// Seconds, after which it is kDeadlineExceeded.
   RenderOptions& timeout(double v) { return set(&Fields::timeout, v); }
   RenderOptions& cancellation(const Cancellation& v) { return set(&Fields::cancellation, v); }
-  /// Called in the rendering thread: as the job goes on, and with a frame after each doubling of
-  /// the samples. What they throw cancels the job and passes through.
+  /// Callbacks in the rendering thread: as the job goes on, and with a frame after each doubling of
+  /// the samples. An exception of theirs cancels the job and passes through.
   RenderOptions& progress(std::function<void(const Progress&)> v) {
     fields_.progress = std::move(v);
     return *this;

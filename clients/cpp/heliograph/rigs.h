@@ -19,8 +19,8 @@ struct Rig {
 
 /// A rectified pair: the entity `name` and its children "name/left" and "name/right", which both
 /// carry `camera`, look the same way, and lie `baseline` metres (> 0) apart along the image's x
-/// axis, the root in the middle. Moving the root moves both. placement: what the root gets. With
-/// the plane "disparity:NAME/right" the left camera's disparity is fx * baseline / depth.
+/// axis, the root in the middle. Moving the root moves both. placement: components of the root.
+/// With the plane "disparity:NAME/right" the left camera's disparity is fx * baseline / depth.
 Rig stereo(Transaction& edit, const std::string& name, const Camera& camera, double baseline,
            const Components& placement);
 

@@ -31,8 +31,7 @@ struct SurfacePoints {
   Array vertices{};     // (N,) u32, instead of these
 };
 
-/// How long a scene lives, and what its acknowledged edits survive. Those on disk need a daemon
-/// with
+/// Lifetime of a scene and of its acknowledged edits. kDisk and kDiskSynced need a daemon with
 /// --state-dir. When it is restarted, clients go on: their edits are answered or applied, once.
 enum class Lifetime : int {
   kSession = 1,     // until it is deleted, or its session ends
@@ -59,7 +58,7 @@ class Scene {
   // ---------------------------------------------------------------- rendering
 
   [[nodiscard]] Frame render(const Ref& camera, const RenderOptions& options = {}) const;
-  /// One job, one frame a camera.
+  /// Renders one frame per camera, in one job.
   [[nodiscard]] std::vector<Frame> render(const std::vector<Ref>& cameras,
                                           const RenderOptions& options = {}) const;
   /// Independent jobs; a Result for each in the order they are done. One job's error does not end
@@ -68,11 +67,11 @@ class Scene {
   [[nodiscard]] Results render_batch(Jobs jobs, const BatchOptions& options = {}) const;
   [[nodiscard]] Results render_batch(std::vector<Job> jobs, const BatchOptions& options = {}) const;
   /// Frames of the scene as it changes: rendered again at each new revision and each update().
-  /// credits: frames that may be under way or in your hands. A stream whose frames nobody takes for
-  /// 30 s is closed. Its timeout and cancellation are those of the options.
+  /// credits: frames that may be under way or held by you. A stream whose frames nobody takes for
+  /// 30 s is closed. The options' timeout and cancellation end it.
   [[nodiscard]] Live stream(const std::vector<Ref>& cameras, const RenderOptions& options = {},
                             Policy policy = Policy::kLatest, std::uint32_t credits = 2) const;
-  /// Each transaction of the scene, by any client. Returns once the daemon watches.
+  /// Watches each transaction of the scene, by any client. Returns once the daemon watches.
   [[nodiscard]] Watch watch(const WatchOptions& options = {}) const;
   /// A frame again from its manifest, at this scene's latest revision: the same bytes for the same
   /// content, daemon version and CPU features.
@@ -100,7 +99,7 @@ class Scene {
 
   /// (N, 4, 4) f32 poses relative to the parents, at the scene's time.
   [[nodiscard]] Array transforms(const Group& entities) const;
-  /// One array a thing, of a field that docs/protocol.md lists; empty where it has none.
+  /// Reads a field that docs/protocol.md lists: one array per thing; empty where it has none.
   [[nodiscard]] std::vector<Array> read(const std::vector<Ref>& things,
                                         const std::string& field) const;
 
@@ -111,7 +110,8 @@ class Scene {
   /// instance. any_hit: only t, 0 where something is hit.
   [[nodiscard]] Columns cast_rays(const Array& origins, const Array& directions, double t_max = 0,
                                   bool any_hit = false) const;
-  /// What lies at image points (N, 2), K coordinates: integers are pixel centres.
+  /// Columns of cast_rays() for the surfaces seen at image points (N, 2), K coordinates: integers
+  /// are pixel centres.
   [[nodiscard]] Columns pick(const Ref& camera, const Array& pixels) const;
   /// visible (E,) u8, share (E,) of each entity's silhouette that is seen.
   [[nodiscard]] Columns visible(const Ref& camera, const std::vector<Ref>& entities) const;
@@ -121,8 +121,8 @@ class Scene {
   /// barycentric.
   [[nodiscard]] Columns sample_surface(const std::vector<Ref>& entities, std::uint32_t count,
                                        std::uint64_t seed = 0) const;
-  /// Where N points are at T times, seconds, as a camera sees them: image (N, T, 2), depth (N, T),
-  /// position (N, T, 3), visible (N, T) u8.
+  /// Projects N points at T times, seconds, into a camera: image (N, T, 2), depth (N, T) metres,
+  /// position (N, T, 3) world, visible (N, T) u8.
   [[nodiscard]] Columns tracks(const Ref& camera, const SurfacePoints& points,
                                const std::vector<double>& times,
                                bool through_transmission = false) const;

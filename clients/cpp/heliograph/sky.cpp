@@ -112,7 +112,7 @@ double up_at(const Step& step, double radius, double zenith, double view) {
   return (radius * zenith + step.t * view) / step.r;
 }
 
-/// Where x lies among increasing places: index and share of the way to the next.
+/// Interval of increasing places that holds x: its index, and the share of the way to the next.
 template <std::size_t N>
 std::pair<std::size_t, double> place(const std::array<double, N>& places, double x) {
   const auto* const above = std::upper_bound(places.begin() + 1, places.end() - 1, x);

@@ -16,17 +16,17 @@ namespace wire {
 class WatchCall;
 }
 
-/// One edit of a Change.
+/// Edit of a Change.
 struct AppliedEdit {
   std::string action;  // "entity", "mesh", ..., "remove", "instantiate", "poses", "advance", ...
   std::string name{};  // of its target; "": it has none, or was named by its id
-  /// Of the objects that it put, made, moved or removed; those of large arrays of poses are not
-  /// told.
+  /// Ids of the objects that it put, made, moved or removed; those of large arrays of poses are not
+  /// listed.
   std::vector<std::uint64_t> ids{};
-  std::vector<std::string> fields{};  // what it put: "pose", "light"
+  std::vector<std::string> fields{};  // components that it put: "pose", "light"
 };
 
-/// A transaction of a scene, whoever sent it.
+/// Transaction of a scene, by any client.
 struct Change {
   std::uint64_t revision = 0;  // that it made
   bool is_bookmark = false;    // no transaction: nothing else happened up to the revision
@@ -53,7 +53,7 @@ class Watch {
   std::optional<Change> next();
   iterator begin() { return iterator(this); }
   iterator end() { return {}; }
-  /// All up to it was given.
+  /// Last revision whose change was given.
   [[nodiscard]] std::uint64_t revision() const;
   /// Ends it at once.
   void close();

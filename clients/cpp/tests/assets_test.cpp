@@ -1,4 +1,4 @@
-// Files: models, pictures, and what is refused about them.
+// Files: models, pictures, and their refusals.
 #include <cmath>
 #include <filesystem>
 #include <fstream>

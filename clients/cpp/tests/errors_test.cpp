@@ -1,4 +1,4 @@
-// What is refused arrives with its code, its field and its remedy.
+// Refusals arrive with their code, field and remedy.
 #include <thread>
 
 #include "fixture.h"

@@ -51,7 +51,7 @@ class FlakyProxy {
   FlakyProxy& operator=(const FlakyProxy&) = delete;
 
   [[nodiscard]] std::string address() const { return "unix://" + path_; }
-  /// From now on what the daemon says is lost, or not.
+  /// Drops replies of the daemon from now on, or passes them on.
   void lose_replies(bool lost) { loses_ = lost; }
   /// Ends all connections.
   void cut() {

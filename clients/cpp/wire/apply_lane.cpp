@@ -18,7 +18,7 @@ constexpr int kCloseSeconds = 5;
 enum Tag : std::intptr_t { kStart = 1, kRead, kWrite, kFinish };
 void* tag_of(Tag tag) { return reinterpret_cast<void*>(tag); }
 
-/// What a broken connection gives, whatever broke it.
+/// True for the codes of a broken connection, whatever broke it.
 bool is_lost(const grpc::Status& status) {
   switch (status.error_code()) {
     case grpc::OK:  // the daemon ends its streams before it stops
@@ -89,8 +89,7 @@ void ApplyLane::forget(std::uint64_t scene) {
   next_.erase(scene);
 }
 
-/// Whether edits of this scene are on their way: what number comes next is not known before they
-/// are answered.
+/// True while edits of this scene are under way: the next number is not known before their replies.
 bool ApplyLane::is_waiting(std::uint64_t scene) const {
   return std::any_of(waiting_.begin(), waiting_.end(),
                      [&](const auto& edit) { return edit->request.scene() == scene; });
@@ -116,7 +115,7 @@ void ApplyLane::submit(const std::shared_ptr<PendingEdit>& edit) {
   if (!stream_ && !is_polled_) open();
   pump();
   while (sent_ < waiting_.size()) step(lock);
-  // What has happened meanwhile, so that the next write need not wait for this one.
+  // Takes completed events, so that the next write need not wait for this one.
   if (!is_polled_ && stream_) step(lock, std::chrono::system_clock::now());
 }
 
@@ -225,7 +224,7 @@ void ApplyLane::take_reply() {
   edit->is_done = true;
 }
 
-/// After the stream's end: once more for all that has no reply, or their error.
+/// Ends a stream: sends edits without a reply again, or gives them the error.
 void ApplyLane::end_stream(Lock& lock) {
   const auto stream = std::move(stream_);
   sent_ = 0;
@@ -249,7 +248,7 @@ void ApplyLane::fail_all(const ClientError& error) {
   for (const auto& edit : waiting_) {
     edit->error = error;
     edit->is_done = true;
-    next_.erase(edit->request.scene());  // whether it was applied is not known
+    next_.erase(edit->request.scene());  // it may have been applied or not
   }
   waiting_.clear();
   sent_ = 0;

@@ -17,8 +17,8 @@ namespace heliograph::client::wire {
 
 struct PendingEdit;
 
-/// One ApplyStream, which carries the edits of some scenes in one order. It has no thread: whoever
-/// waits for a reply reads for all. After a lost connection everything without a reply is sent
+/// ApplyStream that carries the edits of some scenes in one order. It has no thread: a caller that
+/// waits for its reply reads for all. After a lost connection everything without a reply is sent
 /// again under its number, which the daemon answers from memory if it was applied.
 class ApplyLane {
  public:
@@ -33,9 +33,9 @@ class ApplyLane {
 
   /// Numbers and sends it; waits while too many are on their way.
   void submit(const std::shared_ptr<PendingEdit>& edit);
-  /// Until it has its reply or its error.
+  /// Waits until an edit has its reply or its error.
   void wait(const PendingEdit& edit);
-  /// Waits some seconds for what is on its way, then ends the stream.
+  /// Waits some seconds for edits under way, then ends the stream.
   void close();
 
  private:

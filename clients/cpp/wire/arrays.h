@@ -13,7 +13,7 @@ constexpr std::size_t kInlineBytes = 1 << 20;
 
 /// dtype and shape, without the bytes.
 void describe(const Array& array, v1::Array* out);
-/// With the bytes.
+/// Puts the array with its bytes into a message.
 void put_inline(const Array& array, v1::Array* out);
 /// A copy of the inline bytes.
 Array array_of(const v1::Array& message);

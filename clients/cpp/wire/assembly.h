@@ -65,12 +65,12 @@ struct Span {
   std::uint64_t size = 0;
 };
 
-/// Where the bytes of a FramePart that holds a chunk of bytes belong; the cursor stands before
+/// Destination of the bytes of a FramePart that holds a chunk of bytes; the cursor stands before
 /// them. The wire format of Protocol Buffers, read by hand so that pixels are copied once:
 /// FramePart.chunk is field 2; PlaneChunk has plane 2, offset 3, chunk 4.
 std::optional<Span> chunk_span(Cursor& cursor);
 
-/// INTERNAL: the daemon sent what it must not.
+/// kInternal for a message that the daemon must not send.
 ClientError broken(const std::string& what);
 
 template <class Message>
@@ -93,7 +93,7 @@ class Assembly {
   /// Takes a serialised FramePart; gives the frame that it completed. `progress` may be empty.
   std::optional<Arrived> add(const grpc::ByteBuffer& data,
                              const std::function<void(const Progress&)>& progress = {});
-  /// The same where the pixels of a chunk stand before the cursor, or with a message.
+  /// Adds a chunk whose pixels stand before the cursor, or a message.
   std::optional<Arrived> add_pixels(Cursor& cursor, const Span& span);
   std::optional<Arrived> add_part(const v1::FramePart& part,
                                   const std::function<void(const Progress&)>& progress = {});

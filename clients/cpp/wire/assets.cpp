@@ -23,7 +23,7 @@ constexpr int kRounds = 64;  // of naming missing companions
   throw ClientError(code, "path: " + message, {"path"});
 }
 
-/// Where a companion is; nothing: it is not there, or may not be read.
+/// Path of a companion file; nothing: it is missing, or may not be read.
 std::optional<fs::path> companion(const Source& source, const std::string& name) {
   if (source.path.empty()) return std::nullopt;
   return find_companion(fs::absolute(source.path).parent_path(), name, source.folders);

@@ -10,7 +10,7 @@
 
 namespace heliograph::client::wire {
 
-/// What to decode.
+/// Asset to decode: a file here or on the server, and how to read it.
 struct Source {
   std::string path{};
   std::string server_path{};
@@ -23,10 +23,10 @@ struct Source {
   bool strict = false;
 };
 
-/// DecodeAsset, uploading what the daemon says is missing until nothing is.
+/// Calls DecodeAsset, and uploads files that the daemon misses until it misses none.
 v1::AssetInfo decode_bundle(Session& session, const Source& source);
 
-/// Index of a name that a file has; kNotFound lists those that it has.
+/// Index of a name in a file; kNotFound lists its names.
 std::size_t known(const std::vector<std::string>& names, const std::string& name,
                   const std::string& field);
 /// Handles of the meshes, materials and textures that all placements share.

@@ -33,7 +33,7 @@ std::string lower(std::string text) {
   return text;
 }
 
-/// What the folder has by this name, but for the case of letters; the first by its bytes.
+/// Path in a folder whose name equals this one but for the case of letters; the first by its bytes.
 std::optional<fs::path> same_name(const fs::path& folder, const std::string& name) {
   std::vector<fs::path> alike;
   std::error_code error;

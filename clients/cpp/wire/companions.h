@@ -1,4 +1,5 @@
-// Where the files are that a model refers to, as in clients/python/heliograph/scene/companions.py.
+// Companions: files that a model refers to. clients/python/heliograph/scene/companions.py has the
+// same rules.
 #pragma once
 
 #include <filesystem>

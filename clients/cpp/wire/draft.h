@@ -1,4 +1,4 @@
-// What public objects hold inside: scenes, objects, transactions, assets.
+// State behind public objects: scenes, objects, transactions, assets.
 #pragma once
 
 #include <atomic>
@@ -40,7 +40,7 @@ struct SceneCore {
     return ask(request);
   }
   [[nodiscard]] v1::DescribeSceneReply ask(const v1::DescribeSceneRequest& request) const;
-  /// Those whose names match a glob, by kind and in id order.
+  /// Lists objects whose names match a glob, by kind and in id order.
   [[nodiscard]] std::vector<v1::ObjectInfo> objects(const std::string& pattern) const;
   /// The id of a name; kNotFound lists the nearest.
   [[nodiscard]] std::uint64_t resolve(const std::string& object) const;
@@ -49,7 +49,7 @@ struct SceneCore {
 
 constexpr std::int64_t kByName = -1;  // Node::edit of what only its name denotes in its transaction
 
-/// One object of a scene. `id` is 0 until its transaction is committed, or its name was resolved.
+/// Object of a scene. `id` is 0 until its transaction is committed, or its name was resolved.
 struct Node {
   std::shared_ptr<SceneCore> scene;
   Kind kind = Kind::kEntity;
@@ -63,7 +63,7 @@ struct Node {
 std::shared_ptr<Node> make_node(std::shared_ptr<SceneCore> scene, Kind kind, std::string name,
                                 std::uint64_t id = 0);
 
-/// Who gets the ids of an edit's reply. Weak: nobody may be left.
+/// Receivers of the ids of an edit's reply. Weak: all may be gone.
 struct IdTarget {
   struct To {
     Kind kind;

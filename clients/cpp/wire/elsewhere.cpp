@@ -1,4 +1,4 @@
-// What only Linux has, refused elsewhere: Unix sockets with tickets, and private daemons.
+// Refusals of what only Linux has: Unix sockets with tickets, and private daemons.
 #include "heliograph/error.h"
 #include "wire/launch.h"
 #include "wire/local_channel.h"

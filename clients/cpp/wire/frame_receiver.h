@@ -1,5 +1,4 @@
-// The Render call. What carries pixels otherwise (shared memory) belongs here. Called by
-// Scene::render.
+// The Render call. Other carriers of pixels (shared memory) belong here. Called by Scene::render.
 #pragma once
 
 #include <memory>

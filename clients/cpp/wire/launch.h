@@ -21,9 +21,10 @@ class PrivateDaemon {
 
   [[nodiscard]] const std::string& address() const;  // "unix:///path"
   bool is_dead();
-  /// How it ended, where it does so within `patience` seconds: exit code and last lines.
+  /// Error that tells how the daemon ended, where it does so within `patience` seconds: exit code
+  /// and last lines.
   ClientError death(const std::string& message, double patience = 2);
-  /// Kills a daemon that has no client yet, with what it started.
+  /// Kills a daemon that has no client yet, with its children.
   void give_up();
   /// SIGTERM, after 5 s SIGKILL.
   void stop();

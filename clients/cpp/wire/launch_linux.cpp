@@ -36,7 +36,7 @@ constexpr const char* kPlainPath =
     "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~/";
 constexpr int kOwnerFd = 3;  // of the child
 constexpr int kReadyFd = 4;
-constexpr int kFreeFd = 16;  // descriptors of ours that must not be hit by those of the child
+constexpr int kFreeFd = 16;  // own descriptors that the child's must not overwrite
 
 /// A descriptor at or above kFreeFd that closes itself.
 class Fd {

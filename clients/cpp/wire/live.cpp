@@ -33,8 +33,8 @@ struct BatchPixels {
   Span span;
 };
 
-/// Of a RenderBatchReply that holds a chunk of bytes: its item, and where the bytes belong, before
-/// which the cursor stands. RenderBatchReply has tag 1, part 2.
+/// Destination of the pixels of a RenderBatchReply that holds a chunk of bytes: its item and span;
+/// the cursor stands before the bytes. RenderBatchReply has tag 1, part 2.
 std::optional<BatchPixels> batch_pixels(Cursor& cursor) {
   BatchPixels out;
   for (std::uint64_t tag = cursor.varint(); tag == 0x08; tag = cursor.varint()) {

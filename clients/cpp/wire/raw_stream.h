@@ -1,4 +1,4 @@
-// A call whose replies stay bytes: Render, RenderBatch, Stream. Used by what puts frames together.
+// A call whose replies stay bytes: Render, RenderBatch, Stream. Used by the receivers of frames.
 #pragma once
 
 #include <grpcpp/generic/generic_stub.h>
@@ -30,15 +30,15 @@ class Cancelling {
   std::set<grpc::ClientContext*> contexts_;
 };
 
-/// How long a call may take, and who may end it.
+/// Limits of a call: its timeout, and the Cancellation that may end it.
 struct CallOptions {
   std::optional<double> timeout{};  // seconds
   std::optional<Cancellation> cancellation{};
 };
 
 /// A stream of messages and a stream of serialised replies. Cancelled when it is left early.
-/// Thread: one reads; any sends and cancels. What is sent while another message is on its way goes
-/// out with the next read.
+/// Thread: one reads; any sends and cancels. A message sent while another is on its way goes out
+/// with the next read.
 class RawStream {
  public:
   /// `method`: "Render".
@@ -48,7 +48,7 @@ class RawStream {
   RawStream& operator=(const RawStream&) = delete;
 
   void send(const google::protobuf::Message& message, bool is_last = false);
-  /// Nothing follows.
+  /// Declares that no message follows.
   void finish_sending();
   void cancel();
   /// The next reply; false at the end, which throws unless it is a good one.

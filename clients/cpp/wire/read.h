@@ -9,16 +9,16 @@
 
 namespace heliograph::client::wire {
 
-/// What a field answers: an array, or the object as an edit, or neither.
+/// Answer to a field: an array, or the object as an edit, or neither.
 struct Found {
   std::optional<Array> array{};
   std::optional<v1::Edit> object{};
 };
 
-/// One a thing. Arrays above 1 MiB come in pieces.
+/// Reads a field: one answer per thing. Arrays above 1 MiB come in pieces.
 std::vector<Found> read(const SceneCore& scene, const std::vector<Ref>& things,
                         const std::string& field);
-/// Of one object.
+/// Reads a field of one object.
 Found read(const Handle& handle, const std::string& field);
 
 }  // namespace heliograph::client::wire

@@ -10,7 +10,7 @@
 
 namespace heliograph::client::wire {
 
-/// All or nothing: the file takes its name when it is complete.
+/// Saves a scene. Names the file only once it is complete.
 void save_scene(const SceneCore& scene, const std::string& path,
                 std::optional<std::uint64_t> revision);
 

@@ -259,8 +259,8 @@ void Session::check(const grpc::Status& status) {
   any.set_page_size(1);
   call(&Stub::ListScenes, any);  // resumes the session, or throws
   throw ClientError(Code::kUnavailable,
-                    "the daemon was restarted, and the session goes on: ask again; what was not "
-                    "durable is gone");
+                    "the daemon was restarted, and the session goes on: ask again; anything "
+                    "that was not durable is gone");
 }
 
 bool Session::is_daemon_dead() { return daemon_ && daemon_->is_dead(); }
@@ -271,7 +271,7 @@ ClientError Session::error_of(const grpc::Status& status) {
     return daemon_->death("heliographd died");
   if (is_cut)
     return {Code::kUnavailable,
-            "the daemon cut the call off, because it ends or what it sent was not read"};
+            "the daemon cut the call off, because it ends, or its replies were not read"};
   google::rpc::Status told;
   told.ParseFromString(status.error_details());
   told.set_code(int(status.error_code()));

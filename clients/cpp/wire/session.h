@@ -1,4 +1,4 @@
-// One session with a daemon: channel, local channel, typed errors, retries. Used by all that calls.
+// Session with a daemon: channel, local channel, typed errors, retries. Used by all that calls.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -33,7 +33,7 @@ ClientError to_error(const google::rpc::Status& status);
 
 constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable is tried again
 
-/// A random name for what is to be done once.
+/// Random name of a call that is to take effect once.
 std::string make_request_id();
 
 /// The waits between repeated calls: 20 ms, doubling up to 250 ms, 10 s in all by default.
@@ -85,7 +85,7 @@ class Session : public std::enable_shared_from_this<Session> {
     return reply;
   }
 
-  /// The same for a call that is answered by several messages.
+  /// Calls a method that answers with several messages, as call() does.
   template <class Request, class Reply>
   std::vector<Reply> call(std::unique_ptr<grpc::ClientReader<Reply>> (Stub::*method)(
                               grpc::ClientContext*, const Request&),
@@ -104,16 +104,17 @@ class Session : public std::enable_shared_from_this<Session> {
   void check_open() const;
   /// Puts the session into a call. Throws kUnavailable once it is closed.
   void prepare(grpc::ClientContext& context) const;
-  /// The same for a session that may be closed.
+  /// Adds the headers of a call, also where the session may be closed.
   void authorize(grpc::ClientContext& context) const;
-  /// How often it was opened: more than once where the daemon was restarted.
+  /// Number of times that the session was opened: above 1 where the daemon was restarted.
   [[nodiscard]] std::uint64_t openings() const { return openings_; }
-  /// Whether a call that began after so many openings failed because the daemon was restarted, and
-  /// the session goes on: with the numbering of the edits of durable scenes, without anything else.
+  /// True if a call that began after `openings` openings failed because the daemon was restarted,
+  /// and the session goes on: with the numbering of the edits of durable scenes, without anything
+  /// else.
   bool resume(std::uint64_t openings, const ClientError& failure);
   /// Throws the error of a call that failed; kUnavailable where the session was resumed.
   void check(const grpc::Status& status);
-  /// The same error, with how a private daemon died where that is why.
+  /// Error of a call; tells how a private daemon died, if that is why.
   ClientError error_of(const grpc::Status& status);
   [[nodiscard]] bool is_daemon_dead();
 

@@ -1,4 +1,5 @@
-// google.rpc.Status to ClientError; proto/heliograph/v1/errors.proto says what is in one.
+// Converts google.rpc.Status to ClientError; proto/heliograph/v1/errors.proto describes its
+// details.
 #include <cstdlib>
 
 #include "google/rpc/error_details.pb.h"

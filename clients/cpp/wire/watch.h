@@ -23,7 +23,7 @@ class WatchCall {
  private:
   /// 0: the next one.
   void open(std::uint64_t first);
-  /// The same, tried again while the daemon cannot be reached.
+  /// Opens the stream again, trying while the daemon cannot be reached.
   void resume(std::uint64_t first);
   v1::WatchReply read();
   [[nodiscard]] bool may_retry(const ClientError& error) const;

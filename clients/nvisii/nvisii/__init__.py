@@ -1,4 +1,4 @@
-"""NViSII's Python interface over a Heliograph daemon: docs/nvisii.md says what differs."""
+"""NViSII's Python interface over a Heliograph daemon: docs/nvisii.md lists the differences."""
 
 from __future__ import annotations
 

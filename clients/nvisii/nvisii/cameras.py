@@ -50,7 +50,7 @@ class camera(Component):
     def create_from_focal_length(
         cls, name: str, focal_length: float, sensor_width: float, sensor_height: float
     ) -> camera:
-        """All in millimetres."""
+        """Makes a camera from a lens: all lengths in millimetres, all above 0."""
         projection = _of_focal_length(focal_length, sensor_width, sensor_height)
         made = cls(name)
         made._projection = projection
@@ -76,7 +76,8 @@ class camera(Component):
         near: float = 0.05,
         far: float = 100.0,
     ) -> camera:
-        """Of a calibration, pixels: integers are pixel centres, row 0 is the top."""
+        """Makes a camera from a calibration in pixels: integers are pixel centres, row 0 is the
+        top."""
         projection = _of_intrinsics((fx, fy, cx, cy), (width, height), (near, far))
         made = cls(name)
         made._projection = projection
@@ -89,7 +90,7 @@ class camera(Component):
     def set_focal_length(
         self, focal_length: float, sensor_width: float, sensor_height: float
     ) -> None:
-        """All in millimetres."""
+        """Sets the lens: all lengths in millimetres, all above 0."""
         self._set(_of_focal_length(focal_length, sensor_width, sensor_height))
 
     def set_intrinsics(
@@ -103,7 +104,7 @@ class camera(Component):
         near: float = 0.05,
         far: float = 100.0,
     ) -> None:
-        """Of a calibration, pixels: integers are pixel centres, row 0 is the top."""
+        """Sets a calibration in pixels: integers are pixel centres, row 0 is the top."""
         self._set(_of_intrinsics((fx, fy, cx, cy), (width, height), (near, far)))
 
     def set_projection(self, projection: Any) -> None:
@@ -137,7 +138,7 @@ class camera(Component):
         return 0.5 * width * p[0, 0], 0.5 * height * p[1, 1], cx, cy
 
     def set_focal_distance(self, distance: float) -> None:
-        """Where it is sharp: metres along the optical axis."""
+        """Sets the distance of sharp points: metres along the optical axis, above 0."""
         self._focal_distance = above_zero("distance", distance)
         self.mark_dirty()
 
@@ -147,7 +148,7 @@ class camera(Component):
         self.mark_dirty()
 
     def _sent(self, size: tuple[int, int], shift: tuple[float, float], shutter: Any) -> hg.Camera:
-        """What the daemon gets. shift: of the picture, pixels right and down."""
+        """Camera as the daemon gets it. shift: moves the picture, pixels right and down."""
         fx, fy, cx, cy = self._intrinsics(*size)
         lens: dict[str, Any] = {}
         if self._aperture:

@@ -20,7 +20,7 @@ _STOPS = 64.0  # the largest exposure, either way
 
 @contextmanager
 def as_runtime_error() -> Iterator[None]:
-    """What the daemon refuses is a RuntimeError, as all errors here are."""
+    """Raises RuntimeError, as all errors of this module are, where the daemon refuses something."""
     try:
         yield
     except hg.HeliographError as error:
@@ -68,7 +68,7 @@ def whole(name: str, value: Any, least: float = -math.inf) -> int:
 
 
 def array(name: str, values: Any, dtype: Any = None) -> Any:
-    """Of finite numbers."""
+    """Array of finite numbers; RuntimeError for anything else."""
     try:
         out = np.asarray(values, dtype=dtype)
         finite = np.isfinite(out).all()

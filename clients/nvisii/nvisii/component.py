@@ -1,4 +1,4 @@
-"""What all components share: names, ids, who uses whom, and what changed since the last picture."""
+"""Base of all components: names, ids, users, and changes since the last picture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _C = TypeVar("_C", bound="Component")
 
 
 class Component:
-    """A named value. It lives in Python; render() sends what changed of those that are shown.
+    """Base of all components: a named value in Python. render() sends the changes of shown ones.
 
     Names are unique per kind. Ids are the lowest free numbers, and are used again after remove().
     """
@@ -72,14 +72,14 @@ class Component:
         self.mark_dirty()
 
     def _release(self) -> None:
-        """Gives up what this component uses."""
+        """Gives up the components that this one uses."""
 
     def _lose(self, used: Component) -> None:
         """Something that this component uses was removed."""
 
     @classmethod
     def get_count(cls) -> int:
-        """How many there are."""
+        """Number of components of this kind."""
         return len(cls._named)
 
     @classmethod
@@ -107,7 +107,7 @@ class Component:
 
     @classmethod
     def are_any_dirty(cls) -> bool:
-        """Whether any of this kind changed since the last picture."""
+        """True if a component of this kind changed since the last picture."""
         return bool(cls._changed)
 
     def is_dirty(self) -> bool:
@@ -140,12 +140,12 @@ class Component:
         self.mark_dirty()
 
     def _used(self) -> list[Component]:
-        """All components that this one uses."""
+        """Lists the components that this one uses."""
         return []
 
 
 def check(field: str, kind: type[Component], value: Any) -> None:
-    """Refuses what is neither None nor a component of a kind that is still there."""
+    """Refuses any value but None and an existing component of that kind. RuntimeError."""
     if value is not None and not isinstance(value, kind):
         raise RuntimeError(f"{field}: needs a nvisii.{kind._kind()}, not {value!r}")
     if value is not None and not value._alive:

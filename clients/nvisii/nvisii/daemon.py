@@ -11,7 +11,7 @@ _client: hg.Client | None = None
 
 
 def open_client(address: str | None) -> hg.Client:
-    """Of the daemon at `address`; None: of a private one."""
+    """Connects to the daemon at `address`, or starts a private one for None."""
     global _client
     _client = hg.connect(address, arguments=() if address else _PRIVATE)
     return _client

@@ -1,4 +1,4 @@
-"""render_data(): one quantity of what each pixel's centre meets, as four floats a pixel."""
+"""render_data(): one quantity of the path through each pixel's centre, as four floats per pixel."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LIGHT_PARTS = ("diffuse", "glossy", "transmission")
 
 
 class Shot(NamedTuple):
-    """A frame, and what it was taken of."""
+    """Frame with the view, time and vertex that it shows."""
 
     frame: Any
     view: View
@@ -38,7 +38,8 @@ class Shot(NamedTuple):
 
 
 class Option(NamedTuple):
-    """planes: what it is made of. values: (H, W) or (H, W, 3) of a shot."""
+    """Option of render_data(). planes: to render for it. values: gives (H, W) or (H, W, 3) of a
+    shot."""
 
     planes: tuple[str, ...]
     values: Callable[[Shot], Any]
@@ -59,8 +60,8 @@ def render_data(
     """(4 * width * height,) float32, row 0 at the bottom: three channels of the option and 1.
 
     Light takes frame_count - start_frame samples, at least one. All else is of the path through the
-    pixel's centre: of its first surface, or of what it meets after `bounce` scatterings, averaged
-    over so many paths that get there; ids are the first such path's.
+    pixel's centre: of its first surface, or of the vertex after `bounce` scatterings, averaged over
+    so many paths that get there; ids are the first such path's.
     """
     samples = max(frame_count - start_frame, 1)
     return flat(_data((width, height), options, samples, (bounce, seed)))
@@ -117,7 +118,8 @@ def _three(option: Option, shot: Shot) -> Any:
 
 
 def _of_paths(size: tuple[int, int], option: Option, paths: int, which: tuple[int, int]) -> Any:
-    """(H, W, 3) of a later vertex: over the paths that get there; else what stands for nothing."""
+    """(H, W, 3) of a later vertex: mean over the paths that get there; elsewhere the background
+    value."""
     bounce, seed = which
     planes = tuple(dict.fromkeys((*option.planes, "distance", "position")))
     total: Any = 0.0
@@ -147,7 +149,7 @@ def _mean(name: str) -> Option:
 
 
 def _or(name: str, background: float) -> Option:
-    """A plane, and what stands where nothing is met."""
+    """Plane, with a value for pixels that meet nothing."""
 
     def values(shot: Shot) -> Any:
         plane = shot.frame[name]
@@ -183,7 +185,8 @@ def _directions(shot: Shot) -> Any:
 
 
 def _sight(shot: Shot) -> Any:
-    """(H, W, 3) unit, world: along what is seen; from a later vertex 0 where it meets nothing."""
+    """Directions (H, W, 3), unit, world: along the ray that sees; 0 after a later vertex that meets
+    nothing."""
     if shot.before is None:
         return _directions(shot)
     way = shot.frame["position"].astype("f8") - shot.before()["position"]

@@ -1,4 +1,5 @@
-"""nvisii.entity: a thing in the world, of a transform and what else it has."""
+"""nvisii.entity: a thing in the world: a transform with a mesh, a material, a light, a camera, a
+volume."""
 
 from __future__ import annotations
 
@@ -135,7 +136,7 @@ class entity(Component):
         volume_scatter: bool = True,
         shadow: bool = True,
     ) -> None:
-        """Which rays meet it."""
+        """Sets which kinds of rays meet the entity."""
         self._visibility = hg.Visibility(
             camera=bool(camera),
             diffuse=bool(diffuse),
@@ -149,7 +150,7 @@ class entity(Component):
     # ------------------------------------------------------------ where it is
 
     def get_min_aabb_corner(self) -> Any:
-        """Of the box about the corners of the mesh's box, in the world."""
+        """Lower corner, in the world, of the box about the 8 corners of the mesh's own box."""
         return vec3(*self._aabb()[0].tolist())
 
     def get_max_aabb_corner(self) -> Any:
@@ -159,7 +160,7 @@ class entity(Component):
         return vec3(*self._aabb().mean(axis=0).tolist())
 
     def get_center(self) -> Any:
-        """The same as get_aabb_center()."""
+        """Alias of get_aabb_center()."""
         return self.get_aabb_center()
 
     def _aabb(self) -> Any:
@@ -182,12 +183,12 @@ class entity(Component):
 
     @classmethod
     def get_renderable_entities(cls) -> list[entity]:
-        """Those that are shown."""
+        """Lists the entities that are shown."""
         return [found for found in cls._named.values() if found._is_shown()]
 
     @classmethod
     def get_dirty_entities(cls) -> list[entity]:
-        """Those that changed since the last picture."""
+        """Lists the entities that changed since the last picture."""
         return [found for found in cls._changed if found._alive]
 
     def _used(self) -> list[Component]:

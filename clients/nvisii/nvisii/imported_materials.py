@@ -43,7 +43,7 @@ def _rgba(texels: Any) -> Any:
 
 
 class Look:
-    """A material, what was made for it, and the light that it gives off."""
+    """A material, the components made for it, and the light that it gives off."""
 
     def __init__(self, message: Any, images: dict[int, texture], name: str) -> None:
         self.material = material.create(name)
@@ -69,7 +69,7 @@ class Look:
 
     @classmethod
     def of(cls, made: material) -> Look:
-        """Of a material that is there."""
+        """Look of a material that exists already."""
         look = cls.__new__(cls)
         look.material, look.baked, look.left_out = made, [], []
         look._light, look._emission = None, None

@@ -30,7 +30,7 @@ _PERSPECTIVE = scene_pb2.Camera.PROJECTION_PERSPECTIVE
 
 
 class scene:
-    """What import_scene() made."""
+    """Components that import_scene() made, by kind."""
 
     def __init__(self) -> None:
         self.entities: list[entity] = []
@@ -50,7 +50,7 @@ def import_scene(
     args: Sequence[str] = (),
 ) -> scene:
     """A file's objects, placed below a transform of that position, scale and rotation, which is the
-    first of `transforms`. Coordinates stay those of the file. args: "verbose" says what was left
+    first of `transforms`. Coordinates stay those of the file. args: "verbose" prints what was left
     out; "max_quality" changes nothing.
     """
     for argument in args:
@@ -80,7 +80,7 @@ def free_name(kind: type[Component], wanted: str) -> str:
 
 
 class _Importer:
-    """One file."""
+    """Importer of one file."""
 
     def __init__(self, model: Model, stem: str) -> None:
         self.model, self.stem = model, stem
@@ -158,7 +158,7 @@ class _Importer:
             found.set_light(lamp)
 
     def _plain(self) -> material:
-        """Of what has no material in the file."""
+        """Default material, for surfaces without one in the file."""
         if -1 not in self._looks:
             made = material.create(self._named(material, "default"))
             self._looks[-1] = Look.of(made)

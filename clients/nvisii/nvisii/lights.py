@@ -40,7 +40,7 @@ class light(Component):
 
     @classmethod
     def create_from_temperature(cls, name: str, kelvin: float, intensity: float) -> light:
-        """With the colour of a black body."""
+        """Makes a light with the colour of a black body. kelvin: its temperature."""
         color, strength = planckian(kelvin), not_below_zero("intensity", intensity)
         made = cls(name)
         made._color, made._intensity = color, strength
@@ -48,7 +48,7 @@ class light(Component):
 
     @classmethod
     def create_from_rgb(cls, name: str, color: Numbers, intensity: float) -> light:
-        """With a linear colour."""
+        """Makes a light with a linear RGB colour."""
         checked, strength = _color_of(color), not_below_zero("intensity", intensity)
         made = cls(name)
         made._color, made._intensity = checked, strength
@@ -96,7 +96,7 @@ class light(Component):
         return self._falloff
 
     def use_surface_area(self, use: bool) -> None:
-        """Whether a larger mesh gives off more light: the intensity is then its radiance."""
+        """True: `intensity` is a radiance, so that a larger mesh gives off more light."""
         self._by_area = bool(use)
         self.mark_dirty()
 
@@ -111,7 +111,7 @@ class light(Component):
         self.clear_color_texture()
 
     def _sent(self, has_mesh: bool, image: Any) -> hg.Light:
-        """What the daemon gets; image: what it knows the texture as."""
+        """Light as the daemon gets it. image: handle of the texture there, or None."""
         given: dict[str, Any] = {"exposure": self._exposure, "texture": image}
         given["color"] = 1.0 if image is not None else self._color
         if not has_mesh:

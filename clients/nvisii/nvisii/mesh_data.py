@@ -67,8 +67,8 @@ def rows(values: Any, dimensions: int, allowed: tuple[int, ...], name: str) -> A
 def of_data(
     positions: Any, normals: Any, tangents: Any, colors: Any, texcoords: Any, indices: Any
 ) -> Arrays:
-    """From rows; None: not given. Without indices each three vertices are a triangle, and equal
-    vertices are joined."""
+    """Arrays of a mesh from rows; None: not given. Without indices each three vertices are a
+    triangle, and equal vertices are joined."""
     if positions is None:
         raise RuntimeError("positions: a mesh needs some")
     count = len(positions)

@@ -22,7 +22,7 @@ _PI = math.pi
 
 @checked_factories
 class Factories(PathFactories):
-    """All return a new mesh."""
+    """Factories of meshes. Each returns a new mesh."""
 
     @classmethod
     def _made(cls, name: str, made: Surface | Arrays) -> mesh:
@@ -316,8 +316,8 @@ class Factories(PathFactories):
         texcoord_dimensions: int = 2,
         indices: Any = (),
     ) -> mesh:
-        """From flat lists or arrays. Without indices three vertices are a triangle, and equal ones
-        are joined. Missing normals are smooth, missing tangents follow u."""
+        """Makes a mesh from flat lists or arrays. Without indices three vertices are a triangle,
+        and equal ones are joined. Missing normals are smooth, missing tangents follow u."""
         arrays = of_data(
             rows(positions, position_dimensions, (3, 4), "positions"),
             rows(normals, normal_dimensions, (3, 4), "normals"),
@@ -330,7 +330,7 @@ class Factories(PathFactories):
 
     @classmethod
     def create_from_file(cls, name: str, path: str) -> mesh:
-        """All shapes of a model's file as one mesh; its materials are left out."""
+        """Joins the shapes of a model's file into one mesh; its materials are left out."""
         from .models import merged_mesh
 
         return cls._made(name, merged_mesh(path))

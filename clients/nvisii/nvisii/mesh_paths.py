@@ -19,7 +19,7 @@ _V0, _V1, _V2 = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 @checked_factories
 class PathFactories:
-    """All return a new mesh."""
+    """Factories of meshes from paths. Each returns a new mesh."""
 
     @classmethod
     def _made(cls, name: str, made: Any) -> mesh:
@@ -70,7 +70,7 @@ class PathFactories:
     def create_convex_polygon(
         cls, name: str, vertices: Any, segments: int = 1, rings: int = 1
     ) -> mesh:
-        """Of vec2s, counter-clockwise, in the plane z = 0."""
+        """Fills a convex polygon of vec2s, counter-clockwise, in the plane z = 0."""
         flat = [(*floats(v, 2, f"vertices[{i}]"), 0.0) for i, v in enumerate(vertices)]
         return cls._made(name, surface.polygon(flat, segments, rings))
 

@@ -27,7 +27,7 @@ class mesh(Component, Factories):
         return rows
 
     def get_colors(self) -> list[Any]:
-        """Of vertices, vec4."""
+        """Colours of the vertices, a list of vec4."""
         return [vec4(*row) for row in self._arrays.colors.tolist()]
 
     def get_normals(self) -> list[Any]:
@@ -61,22 +61,23 @@ class mesh(Component, Factories):
         return vec3(*self._bounds().mean(axis=0).tolist())
 
     def get_bounding_sphere_radius(self) -> float:
-        """Of the sphere about get_center()."""
+        """Radius of the sphere about get_center() that holds all vertices."""
         positions = self._arrays.positions.astype(float)
         return float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
 
     def compute_metadata(self) -> None:
-        """Centre, box and radius are always those of the vertices."""
+        """Does nothing: centre, box and radius are always those of the vertices."""
 
     def generate_smooth_normals(self) -> None:
-        """Normals anew: those of the triangles about a vertex, by angle and area."""
+        """Makes smooth normals: those of the triangles about a vertex, weighted by angle and
+        area."""
         arrays = self._arrays
         normals = smooth_normals(arrays.positions, arrays.indices)
         self._arrays = arrays._replace(normals=normals, tangents=None)
         self.mark_dirty()
 
     def generate_smooth_tangents(self) -> None:
-        """Tangents anew, along growing u."""
+        """Makes new tangents, along growing u."""
         self._arrays = self._arrays._replace(tangents=None)
         self.mark_dirty()
 

@@ -1,4 +1,4 @@
-"""The daemon's copy of what is shown. push() sends what changed since the last picture, all or
+"""Copy of shown components in the daemon. push() sends the changes since the last picture, all or
 nothing."""
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LONGEST_NAME = 256  # bytes
 
 
 class Mirror:
-    """One scene of a daemon, and which of its objects stand for which components."""
+    """Mirror of the components in one scene of a daemon: maps each to its object there."""
 
     def __init__(self, scene: hg.Scene) -> None:
         self.scene = scene
@@ -38,11 +38,11 @@ class Mirror:
         self._moving: set[entity] = set()
         self._camera: Any = None
         self._view: Any = None
-        self._black: Any = None  # the material of what is a light only
+        self._black: Any = None  # the material of meshes that are a light only
         self._sky: Any = None  # the texture of the sky, the same for every sky
 
     def push(self, view: View) -> Any:
-        """Sends what changed; the handle of the camera that sees `view`."""
+        """Sends the changes; returns the handle of the camera that sees `view`."""
         work = _Push(self)
         with Parts(self.scene) as parts:
             work.fill(parts, view)
@@ -51,7 +51,7 @@ class Mirror:
 
 
 class _Push:
-    """The changes of one picture. What they make counts only once all were accepted."""
+    """Changes of one picture. Objects that they make count only once all changes were accepted."""
 
     def __init__(self, mirror: Mirror) -> None:
         self.mirror = mirror
@@ -179,7 +179,7 @@ class _Push:
         }
 
     def _black(self, found: entity) -> Any:
-        """Of a mesh that is a light only: it takes what meets it."""
+        """Material of a mesh that is a light only: black, so that it reflects nothing."""
         if found._mesh is None:
             return None
         if self.black is None:
@@ -221,7 +221,8 @@ class _Push:
         return made
 
     def _remove_shared(self) -> None:
-        """What was removed and nothing shows any more; textures last, as materials use them."""
+        """Removes objects of dead components, once nothing shows them; textures last, as materials
+        use them."""
         removed = [c for c in self.made if not c._alive]
         for component in sorted(removed, key=lambda c: isinstance(c, texture)):
             self.edit.remove(self.made.pop(component))
@@ -265,5 +266,5 @@ class _Push:
 
 
 def _name_of(found: entity) -> str | None:
-    """What the daemon calls it; None: nothing, where it would not take the name."""
+    """Name of the entity in the daemon; None: unnamed, as the daemon would refuse that name."""
     return found._name if 0 < len(found._name.encode()) <= _LONGEST_NAME else None

@@ -18,7 +18,8 @@ from .mesh_data import Arrays, of_data, smooth_normals
 
 
 class Model(NamedTuple):
-    """edits: what the file becomes, in order. blobs: by SHA-256. warnings: what was left out."""
+    """Model of a file. edits: that make its objects, in order. blobs: by SHA-256. warnings: of
+    parts left out."""
 
     edits: Any
     blobs: dict[bytes, bytes]
@@ -114,12 +115,13 @@ def local_pose(model: Model, message: Any) -> Any:
 
 
 def is_turn_to_z_up(name: str) -> bool:
-    """Of the entity that turns glTF's +Y up to +Z: here coordinates stay those of the file."""
+    """True for the entity that turns glTF's +Y up to +Z: here coordinates stay those of the
+    file."""
     return name == "z_up"
 
 
 def merged_mesh(path: str) -> Arrays:
-    """All shapes of a file, placed, as one mesh."""
+    """Joins the shapes of a file, each at its pose, into one mesh."""
     model = read_model(path)
     meshes = {index: message for index, _, message in model.of_kind("mesh")}
     poses: dict[int, Any] = {}

@@ -1,4 +1,4 @@
-"""Motion vectors: where what a pixel shows was at the previous frame, and where it is now."""
+"""Motion vectors: place of a pixel's surface at the previous frame, and now."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .glm.rotations import slerp
 from .placement import moves, nearest_rotation, shown_pose
 from .view import View
 
-_BACKGROUND = 1e4  # units to what is infinitely far
+_BACKGROUND = 1e4  # units to infinitely far points
 
 
 def motion_vectors(frame: Any, view: View, time: float, directions: Any) -> Any:

@@ -35,7 +35,7 @@ class Nodes:
         self._boxes: dict[int, list[tuple[Any, float]]] = {}
 
     def boxes(self, level: int) -> list[tuple[Any, float]]:
-        """For each node its box (2, 3) and its largest value."""
+        """Box (2, 3) and largest value of each node. level: 0 (leaves) to 3 (root)."""
         if level not in (0, 1, 2, 3):
             raise RuntimeError(f"level: 0 (leaves) to 3 (root), not {level}")
         if level not in self._boxes:

@@ -28,7 +28,7 @@ class Parameter(NamedTuple):
         return number(self.name, given)
 
 
-# In the order of material.create.
+# Parameters in the order of material.create.
 PARAMETERS = (
     Parameter("base_color", (0.8, 0.8, 0.8), "color"),
     Parameter("roughness", 0.5, "roughness"),

@@ -1,5 +1,5 @@
-"""Changes of one picture, however many: beyond what a message takes they go out in parts, of which
-no picture shows some only. Used by mirror.py."""
+"""Changes of one picture, however many: beyond the size of a message they go out in parts; a
+picture shows all parts or none. Used by mirror.py."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from types import TracebackType
 import heliograph as hg
 from heliograph.client.edit import Edits
 
-PART_BYTES = 8 << 20  # half of what a daemon takes by default
+PART_BYTES = 8 << 20  # half of a daemon's default limit
 
 
 class Parts:
     """`with Parts(scene) as parts:` edits go to parts.edit; room() may be called between two.
 
-    What fits one message is one transaction. More of it goes to a branch, which `scene` denotes
-    from then on, and the scene as it was is deleted at the end, or denoted again on an exception.
+    Parts of a picture's changes. Changes that fit one message are one transaction. More of them go
+    to a branch, which `scene` denotes from then on, and the scene as it was is deleted at the end,
+    or denoted again on an exception.
     """
 
     def __init__(self, scene: hg.Scene) -> None:
@@ -28,7 +29,7 @@ class Parts:
         return self
 
     def room(self) -> None:
-        """Sends what is there, if that is about as much as a message takes."""
+        """Sends the gathered changes, if they are about as much as a message takes."""
         edits = self.edit.transaction.edits
         self._bytes += sum(edits[i].ByteSize() for i in range(self._counted, len(edits)))
         self._counted = len(edits)
@@ -56,6 +57,6 @@ class Parts:
                 self._before.delete()
 
     def _swap(self) -> None:
-        """Lets the scene denote what the other one did."""
+        """Swaps the scenes that two handles denote."""
         assert self._before is not None
         self._scene.id, self._before.id = self._before.id, self._scene.id

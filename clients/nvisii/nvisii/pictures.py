@@ -1,4 +1,4 @@
-"""Texels of textures: reading files, mixing, sampling. And writing what was rendered."""
+"""Texels of textures: reads files, mixes, samples. Writes rendered pictures."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def read_picture(path: str | os.PathLike[str]) -> Any:
 
 
 def _texels(picture: Any) -> Any:
-    """Of a PIL image. Grey of 16 bits ("I") and of floats ("F") would be cut off by convert()."""
+    """Texels of a PIL image. convert() would cut off grey of 16 bits ("I") and of floats ("F")."""
     if picture.mode[0] not in "IF":
         return np.array(picture.convert("RGBA"))
     gray = np.asarray(picture, dtype="f4")[..., None].repeat(3, axis=2)
@@ -156,7 +156,7 @@ def as_bytes(values: Any) -> Any:
 
 
 def to_linear(image: texture) -> Any:
-    """(H, W, 4) float32: what the texture means; alpha as it is."""
+    """Linear colours (H, W, 4) float32 of texels; alpha as it is."""
     texels = image._texels
     if image.is_hdr():
         return texels

@@ -1,4 +1,4 @@
-"""Where a transform is at one instant, and the mathematics of it; many at once for render()."""
+"""Pose of a transform at one instant, and its mathematics; many at once for render()."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Placement:
     matrix: Any = field(default_factory=lambda: _IDENTITY)
 
     def is_set(self) -> bool:
-        """Whether any part is not None."""
+        """True if a part is not None."""
         parts = (self.position, self.rotation, self.scale, self.matrix)
         return any(part is not None for part in parts)
 
@@ -167,8 +167,8 @@ def world_matrices(transforms: Sequence[transform], previous: bool) -> Any:
 
 
 def solid(matrices: Any) -> Any:
-    """(N, 4, 4), changed in place: what a scale of 0 makes flat, a line or a point gets a thickness
-    that no picture shows, as the daemon takes none without."""
+    """Thickens matrices (N, 4, 4), in place: a scale of 0 becomes one too small to be seen, as the
+    daemon refuses flat ones."""
     linear = matrices[:, :3, :3]
     lengths = np.linalg.norm(linear, axis=1)
     volumes = np.abs(np.linalg.det(linear))
@@ -185,7 +185,7 @@ def shown_pose(owner: transform, previous: bool) -> Any:
 
 
 def moves(owner: transform) -> bool:
-    """Whether the pose at the previous frame may be another one."""
+    """True if the pose at the previous frame may differ from the current one."""
     above: transform | None = owner
     while above is not None:
         if above._before is not FOLLOWS and above._before.is_set():

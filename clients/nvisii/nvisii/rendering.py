@@ -30,7 +30,7 @@ def render(width: int, height: int, samples_per_pixel: int, seed: int = 0) -> An
 def render_to_file(
     width: int, height: int, samples_per_pixel: int, file_path: str, seed: int = 0
 ) -> None:
-    """To .png (sRGB), .exr or .hdr (linear)."""
+    """Renders to a .png (sRGB), .exr or .hdr (linear) file."""
     write_picture(file_path, picture((width, height), samples_per_pixel, seed))
 
 
@@ -61,7 +61,7 @@ def picture(size: tuple[int, int], samples: int, seed: int) -> Any:
 
 
 def shoot(size: tuple[int, int], planes: list[str], shutter: Any, **options: Any) -> Any:
-    """A frame of what there is now."""
+    """Frame of the current state."""
     call_back()
     here = session()
     with as_runtime_error():

@@ -1,4 +1,4 @@
-"""initialize() to deinitialize(): the daemon, the camera, callbacks; and what a window would be."""
+"""initialize() to deinitialize(): the daemon, the camera, callbacks; and functions of a window."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _old_name(name: str, headless: bool, *left_out: str) -> Callable[..., None]:
     return old
 
 
-_NEW = ("headless", "lazy_updates", "address")  # what the old names do not take
+_NEW = ("headless", "lazy_updates", "address")  # arguments that the old names lack
 initialize_interactive = _old_name("initialize_interactive", False, *_NEW)
 initialize_headless = _old_name("initialize_headless", True, *_NEW, "window_on_top")
 
@@ -135,7 +135,7 @@ atexit.register(deinitialize)
 
 
 def session() -> _Session:
-    """What render() renders with."""
+    """Session that render() uses. RuntimeError before initialize()."""
     if _session is None:
         raise RuntimeError(daemon.NOT_INITIALIZED)
     return _session
@@ -153,7 +153,7 @@ def clear_all() -> None:
 
 
 def set_camera_entity(camera_entity: entity | None) -> None:
-    """The entity whose camera sees. What it is changed to later counts."""
+    """Sets the entity whose camera sees. Later changes of it count."""
     global _camera
     check("camera_entity", entity, camera_entity)
     _camera = camera_entity
@@ -178,7 +178,7 @@ def register_pre_render_callback(callback: Callable[[], Any] | None) -> None:
 
 
 def call_back() -> None:
-    """Before a picture."""
+    """Calls the registered callback, before a picture."""
     if _callback is not None:
         _callback()
 
@@ -243,7 +243,7 @@ def should_window_close() -> bool:
 
 
 def get_scene_min_aabb_corner() -> Any:
-    """Of all that is shown, in the world."""
+    """Lower corner of the box about all shown entities, in the world."""
     return _scene_box()[0]
 
 

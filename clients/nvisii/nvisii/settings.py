@@ -1,4 +1,4 @@
-"""What belongs to no component: the dome, clamps, depths, sampling, the denoiser."""
+"""Settings that belong to no component: the dome, clamps, depths, sampling, the denoiser."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Dome:
 
 @dataclass
 class Settings:
-    """As they are when a process starts; clear_all() and deinitialize() leave them."""
+    """Settings of the process, at first its defaults; clear_all() and deinitialize() keep them."""
 
     dome: Dome = field(default_factory=Dome)
     dome_changed: bool = True
@@ -77,7 +77,7 @@ current = Settings()
 
 
 class _DomeUser(Component):
-    """What uses the dome's texture, so that it learns when the texture is changed or removed."""
+    """User of the dome's texture: learns when the texture is changed or removed."""
 
     def __init__(self) -> None:
         self._name, self._id, self._alive = "", 0, True
@@ -156,7 +156,7 @@ def enable_dome_light_sampling() -> None:
 
 
 def disable_dome_light_sampling() -> None:
-    """Only noise depends on it: the dome is sampled all the same."""
+    """Changes nothing but noise in nvisii; here the dome is sampled all the same."""
 
 
 def set_direct_lighting_clamp(clamp: float) -> None:
@@ -191,13 +191,14 @@ def set_light_sample_count(count: int) -> None:
 def sample_pixel_area(
     x_sample_interval: Numbers = (0.0, 1.0), y_sample_interval: Numbers = (0.0, 1.0)
 ) -> None:
-    """Where in a pixel samples are; (.5, .5): its centre. The middle of the intervals counts."""
+    """Sets the area of a pixel that samples cover; (.5, .5): its centre. Only the middle of each
+    interval counts."""
     current.x_interval = _interval("x_sample_interval", x_sample_interval)
     current.y_interval = _interval("y_sample_interval", y_sample_interval)
 
 
 def sample_time_interval(time_sample_interval: Numbers = (0.0, 1.0)) -> None:
-    """When the shutter is open; 0: the previous poses, 1: those of now."""
+    """Sets when the shutter is open; 0: at the previous poses, 1: at the current ones."""
     current.time_interval = _interval("time_sample_interval", time_sample_interval)
 
 

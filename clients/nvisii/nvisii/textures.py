@@ -24,8 +24,8 @@ class texture(Component):
 
     @classmethod
     def create_from_file(cls, name: str, path: str, linear: bool = False) -> texture:
-        """A picture's file: PNG, JPEG, TGA, BMP, GIF, PSD, PNM, DDS, HDR, EXR. linear: the values
-        are no colours, as those of normal maps; float files always are linear."""
+        """Reads a picture's file: PNG, JPEG, TGA, BMP, GIF, PSD, PNM, DDS, HDR, EXR. linear: values
+        are no colours, as in normal maps; float files always are linear."""
         cls._check_new(name)
         texels = array(path, read_picture(path))
         return cls(name, texels, linear or texels.dtype != np.uint8)
@@ -106,7 +106,7 @@ class texture(Component):
         self.mark_dirty()
 
     def set_linear(self, is_linear: bool) -> None:
-        """Whether bytes are numbers, not sRGB colours."""
+        """True: bytes are linear numbers, not sRGB colours."""
         self._linear = bool(is_linear)
         self.mark_dirty()
 
@@ -114,7 +114,7 @@ class texture(Component):
         return self._linear
 
     def is_hdr(self) -> bool:
-        """Whether texels are floats."""
+        """True if texels are floats."""
         return bool(self._texels.dtype != np.uint8)
 
     def get_width(self) -> int:

@@ -289,7 +289,7 @@ class transform(Component):
     # ------------------------------------------------------------ parents
 
     def set_parent(self, parent: transform) -> None:
-        """Everything of this transform is relative to its parent."""
+        """Makes this transform relative to its parent. RuntimeError for a cycle."""
         if not isinstance(parent, transform):
             raise RuntimeError(f"parent: needs a nvisii.transform, not {parent!r}")
         above: transform | None = parent

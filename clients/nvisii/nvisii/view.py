@@ -1,4 +1,4 @@
-"""What is seen: a camera at a size, its poses, and when its shutter is open."""
+"""View of the scene: a camera at a size, its poses, and when its shutter is open."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class View(NamedTuple):
 
 
 def view_of(found: entity | None, size: tuple[int, int], shutter: tuple[float, ...]) -> View:
-    """The view of a camera entity; RuntimeError says what is missing."""
+    """View of a camera entity. RuntimeError names a missing component."""
     if found is None:
         raise RuntimeError("there is no camera: call nvisii.set_camera_entity(entity) first")
     if found._camera is None or found._transform is None:
@@ -34,7 +34,7 @@ def view_of(found: entity | None, size: tuple[int, int], shutter: tuple[float, .
 
 
 def _rigid(world: Any) -> Any:
-    """Without the scale."""
+    """Pose (4, 4) without its scale. RuntimeError if it mirrors."""
     out = np.eye(4)
     out[:3, :3] = nearest_rotation(world[:3, :3])
     if np.linalg.det(out[:3, :3]) < 0:

@@ -48,7 +48,7 @@ class volume(Component):
 
     @classmethod
     def create_sphere(cls, name: str) -> volume:
-        """Of radius 100."""
+        """Makes a fog sphere of radius 100."""
         return cls._fog(name, 100, lambda x, y, z: np.sqrt(x * x + y * y + z * z) - 100)
 
     @classmethod
@@ -81,7 +81,7 @@ class volume(Component):
 
     @classmethod
     def create_octahedron(cls, name: str) -> volume:
-        """Of radius 50: corners on the axes."""
+        """Makes a fog octahedron of radius 50: corners on the axes."""
 
         def distance(x: Any, y: Any, z: Any) -> Any:
             return (np.abs(x) + np.abs(y) + np.abs(z) - 50) / np.sqrt(np.float32(3))
@@ -113,7 +113,7 @@ class volume(Component):
     # ------------------------------------------------------------ the medium
 
     def set_scale(self, scale: float) -> None:
-        """How far light goes, as a factor: 2 makes it half as dense."""
+        """Scales the mean free path of light: 2 makes the volume half as dense."""
         self._scale = above_zero("scale", scale)
         self.mark_dirty()
 
@@ -140,7 +140,8 @@ class volume(Component):
         }
 
     def _medium(self, units: float, tint: Any) -> dict[str, Any]:
-        """The others. units: voxels in a metre of the world. tint: of what is scattered, (3,)."""
+        """Arguments of the medium besides the grid. units: voxels per metre of the world. tint:
+        (3,), of scattered light."""
         extinction = self._scattering + self._absorption
         albedo = self._scattering / extinction if extinction else 0.0
         return {
@@ -163,7 +164,7 @@ class volume(Component):
         return len(self._tree().boxes(level))
 
     def get_min_aabb_corner(self, level: int, node_idx: int) -> Any:
-        """Of the voxels that are not empty in a node."""
+        """Lower corner of the box about the voxels of a node that are not empty."""
         return vec3(*self._tree().box(level, node_idx)[0].tolist())
 
     def get_max_aabb_corner(self, level: int, node_idx: int) -> Any:

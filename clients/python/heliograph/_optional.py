@@ -9,7 +9,8 @@ from .errors import Unimplemented
 
 
 def needed(package: str, what: str, extra: str) -> Any:
-    """A package; Unimplemented says what needs it and how it is installed."""
+    """Imports a package. Unimplemented names the feature that needs it and the command to install
+    it."""
     try:
         return importlib.import_module(package)
     except ImportError:

@@ -46,7 +46,7 @@ class _Pool:
         _pools.add(self)
 
     def forget_parent(self) -> None:
-        """In a forked child, which has none of the threads."""
+        """Replaces the thread pools, in a forked child, which has none of the threads."""
         self._calls = ThreadPoolExecutor(_THREADS, "heliograph-call")
         self._edits = ThreadPoolExecutor(1, "heliograph-edit")
 
@@ -57,7 +57,8 @@ class _Pool:
         return await loop.run_in_executor(self._calls, call)
 
     async def edit(self, work: Callable[[], Any]) -> Any:
-        """Not interrupted half way: an edit that was started is awaited."""
+        """Runs an edit and awaits it to the end: a cancelled task does not interrupt it half
+        way."""
         loop = asyncio.get_running_loop()
         context = contextvars.copy_context()
         return await asyncio.shield(loop.run_in_executor(self._edits, context.run, work))
@@ -198,7 +199,7 @@ class Scene(_Twin):
             raise
 
     async def render_sequence(self, camera: Any, times: Any, **options: Any) -> AsyncIterator[Any]:
-        """One frame a time, all of one revision."""
+        """Yields one frame per time (seconds), all of one revision."""
         revision = options.pop("revision", None) or await self.revision()
         for t in np.asarray(times, dtype="f8").ravel():
             yield await self.render(camera, time=float(t), revision=revision, **options)
@@ -264,7 +265,7 @@ class Watch:
 
     @property
     def revision(self) -> int:
-        """All up to it was given."""
+        """Last revision whose change was given."""
         return self.sync.revision
 
     async def __aenter__(self) -> Watch:

@@ -10,8 +10,8 @@ from typing import Any
 
 
 class FileWarning(UserWarning):
-    """What was assumed of a picture's file, or changed in it. `warnings.filterwarnings("error",
-    category=hg.FileWarning)` refuses such files."""
+    """Warning that something was assumed of a picture's file, or changed in it.
+    `warnings.filterwarnings("error", category=hg.FileWarning)` refuses such files."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
@@ -34,15 +34,15 @@ _OWN = ("heliograph", "nvisii")
 
 
 class HeliographError(Exception):
-    """Anything the daemon or the client refuses. The message names the remedy.
+    """Base of all errors of the daemon and the client. The message names the remedy.
 
     field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
     code: the gRPC code's name, e.g. "NOT_FOUND".
     reason: why, e.g. "LIMIT_EXCEEDED"; docs/protocol.md lists them; "": gRPC's or the client's own.
-    limit: the name of the limit that is in the way, or "".
-    needed, used, allowed: what is needed of it, what is used of it, and the limit itself, in the
-    unit that the message names.
-    retry_seconds: when the same call may work; 0.0: not known.
+    limit: the name of the limit that was exceeded, or "".
+    needed, used, allowed: amount of the limit that the call needs, amount in use, and the limit
+    itself, in the unit that the message names.
+    retry_seconds: time until the same call may work; 0.0: not known.
     """
 
     code = "UNKNOWN"
@@ -76,7 +76,7 @@ class HeliographError(Exception):
 
     @property
     def available(self) -> int:
-        """What is left of the limit."""
+        """Amount left of the limit, in its unit."""
         return self.allowed - self.used
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class DeadlineExceeded(HeliographError, TimeoutError):
 
 
 class NotFound(HeliographError, LookupError):
-    """No such object; `.nearest` lists the nearest names."""
+    """Names an object that does not exist; `.nearest` lists the nearest names."""
 
     code = "NOT_FOUND"
 
@@ -139,7 +139,8 @@ class FailedPrecondition(HeliographError):
 
 
 class Aborted(HeliographError):
-    """Another writer was faster: repeat the transaction. `.expected`: what the daemon expected."""
+    """Another writer was faster: repeat the transaction. `.expected`: the revision or number that
+    the daemon expected."""
 
     code = "ABORTED"
 
@@ -151,7 +152,7 @@ class OutOfRange(HeliographError):
 
 
 class Unimplemented(HeliographError, NotImplementedError):
-    """Not in this version; the message says what is missing."""
+    """Names a feature that this version lacks."""
 
     code = "UNIMPLEMENTED"
 

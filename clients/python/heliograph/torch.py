@@ -4,7 +4,7 @@
     for batch in ht.loader(frames, batch_size=8, num_workers=2):
         loss = network(batch["beauty"].cuda(non_blocking=True), batch["labels"])
 
-Image i is the one that heliograph.datasets.generate makes with the same seed, whoever renders it.
+Image i is that of heliograph.datasets.generate with the same seed: it depends only on (seed, i).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _SOURCE = ("accept", "attempts")
 
 
 class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
-    """Images drawn from a scene: an IterableDataset of what `item` makes of each.
+    """Images drawn from a scene: an IterableDataset of the results of `item`.
 
     Image i is drawn from (seed, i) alone, as generate() does it: of draw i // C seen by camera
     i % C of C. It is rendered on a branch of the scene as it was when Frames was made, so that
@@ -90,13 +90,13 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
         Finalize(self.scene, _delete, (copy(self.scene),))  # in this process alone
 
     def __len__(self) -> int:
-        """How many images this rank has. TypeError without a count."""
+        """Number of images of this rank. TypeError without a count."""
         if self.count is None:
             raise TypeError("Frames without count= have no length")
         return sum(1 for _ in self.indices())
 
     def indices(self, worker: int = 0, workers: int = 1) -> Iterator[int]:
-        """Of the images of one of this rank's workers, in order."""
+        """Yields the indices of the images of one of this rank's workers, in order."""
         count = self.count
         if count is not None and self.ranks > 1:
             count -= count % (self.block * self.ranks)
@@ -109,7 +109,7 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
             return self._items(0, 1)
         if self.options.get("device") == "cuda":
             raise InvalidArgument(
-                "device: what is on a GPU cannot leave a worker; use num_workers=0, as Frames "
+                "device: frames on a GPU cannot leave a worker; use num_workers=0, as Frames "
                 "render ahead by themselves, or device='cpu' with pin_memory=True",
                 field="device",
             )
@@ -162,7 +162,7 @@ class _Source(Source):
             return index, self.draw(index // len(self.cameras)).edit
 
     def item(self, drawn: tuple[int, Any]) -> Any:
-        """What `item` makes of it."""
+        """Renders an image and returns the result of the `item` function."""
         index, edit = drawn
         draw, camera = divmod(index, len(self.cameras))
         with naming(index):
@@ -184,8 +184,8 @@ def _share(rank: int | None, ranks: int | None) -> tuple[int, int]:
 def tensors(image: Image) -> dict[str, Any]:
     """An image as tensors of their own: each plane (C, H, W) or (H, W), "index", "K" (3, 3) and
     "camera_from_world_cv" (4, 4) float32, and "labels", its columns by name: (N, ...), names as a
-    list of str. uint32 and uint64, which PyTorch hardly knows, become int64. Of a frame on a GPU
-    the planes are there."""
+    list of str. uint32 and uint64, which PyTorch hardly knows, become int64. Planes of a frame on a
+    GPU stay there."""
     frame = image.frame
     out: dict[str, Any] = {"index": image.index}
     for plane in frame:
@@ -225,8 +225,8 @@ def collate(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def loader(frames: Frames, batch_size: int = 1, **options: Any) -> Any:
     """A torch.utils.data.DataLoader of batches of `frames`, the same ones for any num_workers.
 
-    options: those of DataLoader: num_workers, pin_memory, multiprocessing_context ("spawn" where
-    the process has used a GPU or threads that do not stand a fork), ...; collate_fn is collate().
+    options: of DataLoader: num_workers, pin_memory, multiprocessing_context ("spawn" where the
+    process has used a GPU or threads that do not stand a fork), ...; collate_fn is collate().
     """
     frames = copy(frames)
     frames.block = whole_of(batch_size, "batch_size", 1)

@@ -180,7 +180,7 @@ _ERRORS = (ArithmeticError, AttributeError, IndexError, ValueError, np.linalg.Li
 
 @contextmanager
 def _as_runtime_error(name: str) -> Iterator[None]:
-    """What has no result, as a division by 0, is a RuntimeError, as all errors here are."""
+    """Raises RuntimeError, as all errors here are, where there is no result: a division by 0."""
     try:
         yield
     except _ERRORS as error:

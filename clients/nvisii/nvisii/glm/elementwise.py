@@ -58,7 +58,7 @@ def _one(function: Callable[..., Any], name: str = "x") -> tuple[Any, ...]:
     return function, (name,)
 
 
-# Name: function of arrays, names of its arguments, those of another overload.
+# Name: function of arrays, names of its arguments, names in another overload.
 _TABLE: dict[str, tuple[Any, ...]] = {
     "abs": _one(np.abs),
     "acos": _one(np.arccos),

@@ -55,7 +55,7 @@ def cross(x: Numbers, y: Numbers) -> Any:
 
 
 def normalize(x: Any) -> Any:
-    """Of length 1; of a quat, too."""
+    """Scales a vector or quat to length 1. RuntimeError at length 0."""
     size = length(x)
     if size == 0:
         raise RuntimeError("normalize: length 0 has no direction")
@@ -86,7 +86,7 @@ def proj(x: Numbers, Normal: Numbers) -> Any:
 
 
 def perp(x: Numbers, Normal: Numbers) -> Any:
-    """What proj() leaves of x."""
+    """Part of x that is perpendicular to Normal: x - proj(x, Normal)."""
     return like(numbers(x) - numbers(proj(x, Normal)), (x, Normal))
 
 
@@ -104,7 +104,7 @@ def orientedAngle(x: Numbers, y: Numbers, ref: Numbers = (0.0, 0.0, 1.0)) -> flo
 
 
 def closestPointOnLine(point: Numbers, a: Numbers, b: Numbers) -> Any:
-    """Of the segment from a to b."""
+    """Point of the segment from a to b that is closest to `point`."""
     p, start, end = numbers(point), numbers(a), numbers(b)
     along = end - start
     t = np.clip((p - start) @ along / (along @ along), 0, 1)

@@ -45,7 +45,7 @@ class Matrix(Numeric):
 
     @classmethod
     def of(cls, matrix: Any) -> Any:
-        """From an array [row][column]."""
+        """Makes a matrix from an array [row][column]."""
         made = cls.__new__(cls)
         columns = np.asarray(matrix, dtype=float).T.tolist()
         made._columns = [BY_SIZE[cls.size](*column) for column in columns]

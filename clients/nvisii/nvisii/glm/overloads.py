@@ -10,8 +10,8 @@ from typing import Any
 
 
 def overloaded(*overloads: tuple[str, ...]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorator. overloads: names in their order. What is given by name is passed on in the order
-    of the first overload that it fits; TypeError where it fits none."""
+    """Decorator. overloads: names in their order. Keyword arguments are passed on in the order of
+    the first overload that they fit; TypeError where they fit none."""
     signatures = [
         Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in names])
         for names in overloads

@@ -111,7 +111,7 @@ def rotation_of(q: quat) -> Any:
 
 
 def of_rotation(matrix: Any) -> quat:
-    """Of a (3, 3) rotation [row][column]; Shepperd 1978: the largest component first."""
+    """Quaternion of a (3, 3) rotation [row][column]; Shepperd 1978: the largest component first."""
     m = np.asarray(matrix, dtype=float)
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     squares = [1 + trace, *(1 + 2 * m[i, i] - trace for i in range(3))]

@@ -24,7 +24,7 @@ def gaussRand(Mean: Numbers, Deviation: Numbers) -> Any:
 
 
 def circularRand(Radius: float) -> Any:
-    """On a circle, vec2."""
+    """Random point of a circle about the origin, vec2."""
     angle = np.random.random_sample() * 2 * math.pi
     return vec2(Radius * math.cos(angle), Radius * math.sin(angle))
 
@@ -35,7 +35,7 @@ def diskRand(Radius: float) -> Any:
 
 
 def sphericalRand(Radius: float) -> Any:
-    """On a sphere, vec3."""
+    """Random point of a sphere about the origin, vec3."""
     z = 2 * np.random.random_sample() - 1
     x, y = circularRand(Radius * math.sqrt(max(0.0, 1 - z * z)))
     return vec3(x, y, Radius * z)

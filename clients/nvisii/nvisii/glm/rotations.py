@@ -129,7 +129,7 @@ def eulerAngles(x: quat) -> Any:
 
 
 def inverse(m: Any) -> Any:
-    """Of a mat2, mat3, mat4 or quat."""
+    """Inverse of a mat2, mat3, mat4 or quat. RuntimeError for a singular matrix."""
     if isinstance(m, quat):
         return conjugate(m) / dot(m, m)
     matrix = _matrix(m)

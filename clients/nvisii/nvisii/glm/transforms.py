@@ -198,7 +198,7 @@ def project(obj: Numbers, model: Matrix, proj: Matrix, viewport: Numbers) -> Any
 
 
 def unProject(win: Numbers, model: Matrix, proj: Matrix, viewport: Numbers) -> Any:
-    """What project() was of."""
+    """Inverse of project(): window coordinates (x, y, depth) to a point."""
     x, y, w, h = floats(viewport, 4, "viewport")
     u, v, depth = floats(win, 3, "win")
     ndc = np.array([2 * (u - x) / w - 1, 2 * (v - y) / h - 1, 2 * depth - 1, 1.0])

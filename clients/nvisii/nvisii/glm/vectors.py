@@ -34,7 +34,7 @@ _REFLECTED = {
 
 
 class Numeric:
-    """What numpy's functions take as an array. `array + vec3` is a vec3; all else gives arrays."""
+    """Base of types that numpy takes as arrays. `array + vec3` is a vec3; all else gives arrays."""
 
     __slots__ = ()
 

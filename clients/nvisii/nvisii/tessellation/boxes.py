@@ -79,12 +79,12 @@ def _cyclic(a: float, b: float, c: float) -> list[tuple[float, float, float]]:
 
 
 def icosphere(radius: float, segments: int) -> Surface:
-    """The same, every vertex on a sphere."""
+    """Icosahedron with every vertex moved to the sphere."""
     return spherified(icosahedron(radius, segments), radius)
 
 
 def spherified(surface: Surface, radius: float) -> Surface:
-    """Every vertex moved to a sphere about the origin."""
+    """Moves every vertex to a sphere about the origin."""
     lengths = np.linalg.norm(surface.positions, axis=1, keepdims=True)
     if lengths.min() == 0:
         raise RuntimeError("a vertex at the origin has no place on a sphere")

@@ -30,12 +30,12 @@ def sphere(radius: float, segments: int, arc: Arc, polar: tuple[float, float]) -
 
 
 def cylinder(radius: float, size: float, segments: int, arc: Arc) -> Surface:
-    """From -size to size."""
+    """Open cylinder about +Z, from -size to size."""
     return lathe(*line_profile((radius, -size), (radius, size), segments), arc)
 
 
 def cone(radius: float, size: float, segments: int, arc: Arc) -> Surface:
-    """From the base at -size to the tip at size."""
+    """Open cone about +Z, from its base at -size to its tip at size."""
     return lathe(*line_profile((radius, -size), (0, size), segments), arc)
 
 

@@ -19,7 +19,7 @@ class Surface(NamedTuple):
     indices: Any
 
     def flipped(self) -> Surface:
-        """The same seen from the other side."""
+        """Surface seen from the other side: normals and winding reversed."""
         return self._replace(normals=-self.normals, indices=self.indices[:, ::-1])
 
     def placed(self, rotation: Any, offset: Any) -> Surface:
@@ -30,7 +30,7 @@ class Surface(NamedTuple):
 
 
 def merged(parts: list[Surface]) -> Surface:
-    """All parts, one after the other."""
+    """Joins the parts into one surface, in their order."""
     starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
     return Surface(
         np.concatenate([part.positions for part in parts]),
@@ -68,7 +68,7 @@ def of_grid(positions: Any, normals: Any, uv: Any) -> Surface:
 
 
 class Arc(NamedTuple):
-    """How far something goes about +Z: radians from +X towards +Y."""
+    """Arc about +Z: radians from +X towards +Y."""
 
     slices: int
     start: float = 0.0

@@ -1,5 +1,4 @@
-"""Where a daemon is, how it is trusted, and how this client says who it is. Used by
-link.py."""
+"""Address of a daemon, trust in it (TLS), and this client's credentials. Used by link.py."""
 
 from __future__ import annotations
 
@@ -52,13 +51,13 @@ class TLS:
             raise InvalidArgument("tls: cert and key go together", field="tls")
 
     def credentials(self) -> grpc.ChannelCredentials:
-        """Of a channel."""
+        """Credentials of a gRPC channel. Reads the files of ca, key and cert."""
         return grpc.ssl_channel_credentials(_read(self.ca), _read(self.key), _read(self.cert))
 
 
 @dataclasses.dataclass(frozen=True)
 class Access:
-    """Where a daemon is, and what it asks for.
+    """Address of a daemon, and the credentials that it asks for.
 
     token: itself, or (a path) the file that it is in, read again for each call, so that it may be
     replaced while the client runs.
@@ -95,19 +94,20 @@ class Access:
         return self.token or ""
 
     def traced(self) -> Headers:
-        """What the caller says of its trace at this moment."""
+        """Headers of the caller's trace at this moment; () without a trace."""
         told = self.trace() if self.trace is not None else None
         headers = ((name.lower(), value) for name, value in (told or {}).items())
         return tuple(header for header in headers if header[0] in _OF_TRACES)
 
     def metadata(self) -> Headers:
-        """What each call carries of the token and the trace."""
+        """Headers of each call: the bearer token and the trace."""
         token = self.bearer()
         return (*((("authorization", f"Bearer {token}"),) if token else ()), *self.traced())
 
 
 def target_of(address: str) -> tuple[str, str]:
-    """(gRPC target, path of the Unix socket or ""). Refuses what is neither."""
+    """(gRPC target, path of the Unix socket or "") of an address. InvalidArgument for anything
+    else."""
     if address.startswith("unix:"):
         path = address[len("unix:") :]
         path = path[2:] if path.startswith("//") else path

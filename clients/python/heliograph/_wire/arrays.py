@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 INLINE_BYTES = 1 << 20
 SHARED_BYTES = 1 << 16  # from here on shared memory is faster than the message
 CHUNK_BYTES = 1 << 20
-MESSAGE_BYTES = 8 << 20  # half of what a daemon takes by default
+MESSAGE_BYTES = 8 << 20  # half of a daemon's default limit
 NdArray = np.ndarray[Any, np.dtype[Any]]
 
 _DTYPES: dict[int, str] = {
@@ -124,11 +124,11 @@ def filled(array: NdArray | None, part: service.ReadReply) -> NdArray:
 
 
 class Store:
-    """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
-    64 KiB on, or anonymously.
+    """Uploads of one client: inline up to 1 MiB, then by hash; changing arrays by shared memory
+    from 64 KiB on, or anonymously.
 
     Remembers hashes that the session has, so that the same bytes travel once, and no bytes.
-    decodings: by hash, what the daemon made of files. Thread: any.
+    decodings: of files by the daemon, by hash. Thread: any.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -188,13 +188,13 @@ class Store:
         return digest
 
     def send_again(self, digest: bytes, data: memoryview | bytes) -> None:
-        """Uploads bytes by their SHA-256, whether or not the session had them."""
+        """Uploads bytes by their SHA-256, even if the session had them."""
         request = service.UploadBlobRequest(request_id=uuid.uuid4().hex, sha256=digest)
         self._push(memoryview(data), request)
 
     @contextlib.contextmanager
     def witnessed(self, witness: Callable[[bytes, memoryview | bytes], Any]) -> Iterator[None]:
-        """While it lasts, witness(SHA-256, data) is told of each blob that an edit needs."""
+        """Within the block, calls witness(SHA-256, data) for each blob that an edit needs."""
         self._witness = witness
         try:
             yield
@@ -217,7 +217,7 @@ class Store:
                     sources.add(part.blob, data)
 
     def forget_parent(self) -> None:
-        """In a forked child."""
+        """Replaces the lock and the loans after a fork, in the child."""
         self._lock = threading.Lock()
         self._loans = Loans(self._connection)
         self._witness = None
@@ -238,7 +238,7 @@ def _chunks(
 
 
 class Columns(Mapping[str, Any]):
-    """Named numpy columns, one row an instance, a ray or a sample; read-only.
+    """Named numpy columns, one row per instance, ray or sample; read-only.
 
     `columns["t"]` and `columns.t` are the same; text columns are lists of str.
     """
@@ -249,7 +249,7 @@ class Columns(Mapping[str, Any]):
 
     @classmethod
     def of(cls, messages: Any, remedy: str = "") -> Columns:
-        """From LabelColumn messages."""
+        """Columns of LabelColumn messages. remedy: how to get a column that is missing."""
         return cls({message.name: _column(message) for message in messages}, remedy)
 
     def __getitem__(self, name: str) -> Any:

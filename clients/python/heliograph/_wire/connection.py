@@ -68,7 +68,7 @@ class Connection:
         return link
 
     def resume(self, link: Link, failure: HeliographError) -> bool:
-        """Whether the daemon was restarted and opened the session again: with the numbering of the
+        """True if the daemon was restarted and opened the session again: with the numbering of the
         edits of durable scenes, without anything else."""
         if not isinstance(failure, Unauthenticated) or link.server.journal == _NO_JOURNAL:
             return False
@@ -80,8 +80,8 @@ class Connection:
         return self._link is not None
 
     def _resumed(self, session: int) -> Link | None:
-        """The same session, tried again while the daemon is unavailable; None: it is gone. It may
-        be open, because the answer was lost: without a link it would end."""
+        """Opens the same session, trying again while the daemon is unavailable; None: it is gone.
+        It may be open already, because the answer was lost: without a link it would end."""
         patience = Patience()
         while True:
             try:
@@ -94,7 +94,7 @@ class Connection:
                 raise failure
 
     def _lost(self, error: HeliographError) -> HeliographError:
-        """How the private daemon died, when that is why."""
+        """Error that tells how the private daemon died, if it did; otherwise `error`."""
         if isinstance(error, Unavailable) and self.daemon is not None:
             deadline = time.monotonic() + 0.3
             while self.daemon.exit_code() is None and time.monotonic() < deadline:
@@ -156,7 +156,7 @@ class Connection:
         return Stream(self, begin, name in _REPEATED)
 
     def push(self, name: str, requests: Iterable[Any]) -> Any:
-        """A client stream; its reply. What `requests` raises is raised here."""
+        """Sends a client stream and returns its reply. Raises the errors of `requests`, too."""
         link = self.link
         faults: list[Exception] = []
 
@@ -175,14 +175,14 @@ class Connection:
             raise self.failure(link, error) from None
 
     def failure(self, link: Link, error: grpc.RpcError) -> HeliographError:
-        """What to raise for a call that cannot be repeated here."""
+        """Error to raise for a call that cannot be repeated here."""
         failed = to_error(error)
         if self.closed and isinstance(failed, Unavailable):
             return Unavailable("this client was closed in the middle of the call")
         if self.resume(link, failed):
             return Unavailable(
-                "the daemon was restarted, and the session goes on: ask again; what was not "
-                "durable is gone"
+                "the daemon was restarted, and the session goes on: ask again; anything "
+                "that was not durable is gone"
             )
         return self._lost(failed)
 
@@ -209,7 +209,7 @@ class Connection:
             self._link.resume_after_fork()
 
     def forget_parent(self) -> None:
-        """In a forked child."""
+        """Replaces the lock and leaves the parent's link alone, in a forked child."""
         self._lock = threading.Lock()
         link, self._link = self._link, None
         if link is not None:
@@ -221,8 +221,8 @@ def _typed(error: grpc.RpcError | Unavailable) -> HeliographError:
 
 
 class Stream:
-    """Messages of a server stream; cancels it when left early. Where the daemon was restarted and
-    refused the call for that, one that `repeats` is asked again."""
+    """Messages of a server stream; cancels it when left early. A call that `repeats` is sent again
+    if the daemon refused it because it was restarted."""
 
     def __init__(
         self, connection: Connection, begin: Callable[[], tuple[Link, Any]], repeats: bool
@@ -234,7 +234,7 @@ class Stream:
         self.link, self._call = begin()
 
     def cancel(self) -> None:
-        """From any thread."""
+        """Cancels the call. Thread: any."""
         self._cancelled = True
         self._call.cancel()
 
@@ -253,8 +253,8 @@ class Stream:
             self._call.cancel()
 
     def _asked_again(self, error: grpc.RpcError) -> HeliographError:
-        """Begins the call again, or raises why not. Returns what to raise where it names what was
-        not durable."""
+        """Begins the call again, or raises its error. Returns the error to raise if the call names
+        something that was not durable."""
         failure = self._connection.failure(self.link, error)
         refused = error.code() == grpc.StatusCode.UNAUTHENTICATED  # so it had not begun
         if not (refused and self._repeats and isinstance(failure, Unavailable)):

@@ -82,11 +82,11 @@ class Driver:
             raise _missing("has an NVIDIA driver that does not start (cuInit)")
 
     def result(self, name: str, *arguments: Any) -> int:
-        """What a function answers; 0: success."""
+        """Calls a function of the driver and returns its code; 0: success."""
         return int(self._functions[name](*arguments))
 
     def call(self, name: str, *arguments: Any) -> None:
-        """The same; anything but success is an error."""
+        """Calls a function of the driver; Internal unless it succeeds."""
         code = self.result(name, *arguments)
         if code != 0:
             raise Internal(f"device: {name} failed with CUDA error {code}")
@@ -137,7 +137,8 @@ class Device:
         self.context = context.value
 
     def current(self) -> _Current:
-        """Makes it this thread's, for a while; what is done there spoils no capture of a graph."""
+        """Makes the device this thread's within the block; calls there do not spoil the capture of
+        a graph."""
         return _Current(self)
 
     def download(self, address: int, out: memoryview) -> None:
@@ -147,7 +148,8 @@ class Device:
             driver.call("cuMemcpyDtoH_v2", to, address, out.nbytes)
 
     def copy(self, to: int, source: int, nbytes: int, stream: int | None) -> None:
-        """Copies on the GPU what work in a stream, or with None in any, writes there. Waits."""
+        """Copies, on the GPU, bytes written by earlier work in a stream, or with None in any.
+        Waits."""
         with self.current() as driver:
             if stream is None:
                 driver.call("cuCtxSynchronize")
@@ -156,7 +158,7 @@ class Device:
 
 
 class _Current:
-    """What Device.current() is."""
+    """Context manager of Device.current()."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -199,7 +201,7 @@ class Mapping:
 
 
 def _unmap(device: Device, address: int, size: int, pid: int) -> None:
-    """Once nothing on the GPU uses it."""
+    """Frees an address range once nothing on the GPU uses it; does nothing in a forked child."""
     if os.getpid() != pid:
         return
     with device.current() as driver:
@@ -209,7 +211,7 @@ def _unmap(device: Device, address: int, size: int, pid: int) -> None:
 
 
 class Fence:
-    """All work that this process had given a GPU by now, in whatever streams."""
+    """Event after all work that this process has given a GPU by now, in all streams."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -220,7 +222,7 @@ class Fence:
         self._is_recorded = code == 0
 
     def is_over(self) -> bool:
-        """Whether it is done. What could not be recorded is tried again."""
+        """True if that work is done. An event that could not be recorded is tried again."""
         with self._device.current() as driver:
             if not self._is_recorded:
                 code = driver.result("cuCtxRecordEvent", self._device.context, self._event)

@@ -21,8 +21,8 @@ class DeviceArray:
 
     Without a copy: `.torch()`, `cupy.asarray(x)`, anything that reads `__cuda_array_interface__`,
     `from_dlpack(x)`. They keep it alive, and while it is alive the daemon does not write there. The
-    numbers are there already: no stream need be waited for. They are for reading; what is written
-    there is seen by everybody who has this plane, and by nobody else.
+    numbers are there already: no stream need be waited for. They are for reading; a write there is
+    seen by all holders of this plane, and by nobody else.
     shape, dtype (numpy's), nbytes, device (the GPU's number in this process), pointer.
     """
 
@@ -38,7 +38,7 @@ class DeviceArray:
 
     @property
     def pointer(self) -> int:
-        """Where it lies in the GPU's memory."""
+        """Address in the GPU's memory."""
         self._lease.show()
         return self._address
 
@@ -75,7 +75,7 @@ class DeviceArray:
                 ".numpy() is a copy on the host"
             )
         if copy:
-            raise BufferError("is exported without a copy only: copy what the consumer makes of it")
+            raise BufferError("is exported without a copy only: copy the consumer's array")
         tensor = dlpack.Tensor(
             self.pointer,
             *(*here, len(self.shape)),
@@ -105,13 +105,14 @@ class DeviceArray:
 
 
 class DeviceLease:
-    """One use of a buffer; ends when nothing refers to it."""
+    """Lease of a buffer; ends when nothing refers to it."""
 
     def __init__(self, mapping: Mapping) -> None:
         self.mapping = mapping
         self.readers: list[Device] = []  # GPUs that may read it for a while after that
 
     def show(self) -> None:
-        """From now on anybody knows where it lies."""
+        """Notes that the address was given out: this GPU may read there for a while after the
+        lease."""
         if not self.readers:
             self.readers.append(self.mapping.device)

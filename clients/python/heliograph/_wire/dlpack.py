@@ -1,4 +1,4 @@
-"""DLPack capsules. What ends them is in C (native/dlpack.c), in a library beside heliographd: a
+"""DLPack capsules. Their deleter is in C (native/dlpack.c), in a library beside heliographd: a
 consumer may let go in any thread, without Python's lock, and when Python has ended. Used by
 device.py."""
 
@@ -32,7 +32,7 @@ class Tensor(ctypes.Structure):
 
 
 def is_here() -> bool:
-    """Whether this client has the library. BufferError: it does not load."""
+    """True if this client has the native library. BufferError: it does not load."""
     return _function() is not None
 
 
@@ -45,7 +45,7 @@ def capsule(owner: object, tensor: Tensor) -> Any:
         raise BufferError(
             f"no {LIBRARY} beside heliographd, without which there is no DLPack here: take it from "
             f"a bundle or a build of heliographd, and copy it to {folder} or set HELIOGRAPHD to "
-            "the daemon beside it; torch() and what reads __cuda_array_interface__ do without"
+            "the daemon beside it; torch() and readers of __cuda_array_interface__ need no library"
         )
     return function(owner, ctypes.byref(tensor))
 

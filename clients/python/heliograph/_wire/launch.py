@@ -58,8 +58,8 @@ def find_program() -> str:
 
 
 def _near_package() -> list[Path]:
-    """Where heliographd may be: beside the package, in the source tree's build, in the packages
-    that scripts/wheel makes, that for GPUs first."""
+    """Paths where heliographd may be: beside the package, in the source tree's build, in the
+    packages that scripts/wheel makes, that for GPUs first."""
     import importlib.util
 
     package = Path(__file__).resolve().parents[1]
@@ -108,7 +108,7 @@ def _parents() -> Iterator[str]:
 
 
 def _unfit(path: str) -> str:
-    """Why a socket cannot have this path; "": it can."""
+    """Reason why a socket cannot have this path; "": it can."""
     data = os.fsencode(path)
     if len(data) > _PATH_BYTES:
         return f"a socket's path would have {len(data)} bytes, {_PATH_BYTES} is the most"
@@ -236,16 +236,17 @@ class PrivateDaemon:
         return Unavailable(f"{message}{how}; its last lines:{tail}", exit_code=code, log=lines)
 
     def cpu_seconds(self) -> float:
-        """What it has used so far, with its children that have ended."""
+        """CPU seconds of the daemon so far, with its children that have ended."""
         fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
         return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
     def disown(self) -> None:
-        """In a forked child: the process is none of its own, so it warns of none that runs on."""
+        """Marks the process as ended, in a forked child: it is the parent's, so no warning is
+        due."""
         self._process.returncode = 0
 
     def give_up(self) -> None:
-        """Kills a daemon that has no client yet, with what it started."""
+        """Kills a daemon that has no client yet, with its children."""
         self._put_away(0)
 
     def stop(self) -> None:
@@ -275,8 +276,8 @@ class PrivateDaemon:
 def _read_log(
     fd: int, process: subprocess.Popen[bytes], lines: collections.deque[str], folder: str
 ) -> None:
-    """Until the daemon closes its end; then puts away what is left of it. Knows no PrivateDaemon,
-    which may be collected meanwhile."""
+    """Logs the daemon's lines until it closes its end, then removes its folder. Knows no
+    PrivateDaemon, which may be collected meanwhile."""
     log = logging.getLogger("heliograph")
     with open(fd, "rb") as file:
         for raw in file:
@@ -307,7 +308,7 @@ def _stop_all() -> None:
 
 
 def _in_child() -> None:
-    """In a forked child, which has neither the parent's children nor its threads."""
+    """Drops the parent's children and threads, in a forked child that has neither."""
     _readers.clear()
     for daemon in list(_running):
         daemon.disown()

@@ -23,7 +23,7 @@ _KEPT = 4  # rooms that wait for the next array; more go back to the daemon
 
 
 def is_on_gpu(value: Any) -> bool:
-    """Whether it is an array in a GPU's memory: a tensor of PyTorch, an array of CuPy or JAX."""
+    """True for an array in a GPU's memory: a tensor of PyTorch, an array of CuPy or JAX."""
     return not isinstance(value, np.ndarray) and hasattr(value, "__cuda_array_interface__")
 
 
@@ -37,7 +37,7 @@ def wrong_shape(field: str, want: Sequence[int | None], has: Sequence[int]) -> I
 
 
 class GpuArray:
-    """Such an array, checked: shape, dtype, nbytes, and where it lies. Keeps it alive."""
+    """Array in a GPU's memory, checked: shape, dtype, nbytes, address. Keeps the array alive."""
 
     def __init__(
         self, value: Any, field: str, dtypes: Sequence[str], shape: Sequence[int | None]
@@ -97,7 +97,7 @@ class Room:
 
 
 class Loan:
-    """One array in a room; ends when nothing refers to it."""
+    """Loan of a room to one array; ends when nothing refers to it."""
 
     def __init__(self, room: Room, back: deque[Room]) -> None:
         self._room = room
@@ -117,7 +117,8 @@ class Loans:
         self._link: Any = None
 
     def put(self, array: GpuArray) -> tuple[types.BufferRef, Loan]:
-        """Copies an array on its GPU; waits for it. What names it, while the loan lives."""
+        """Copies an array on its GPU and waits for that. Returns its name for the daemon, valid
+        while the loan lives."""
         room = self._room(array.nbytes)
         loan = Loan(room, self._back)
         room.mapping.device.copy(room.mapping.address, array.pointer, array.nbytes, array.stream)

@@ -1,4 +1,4 @@
-"""One session with a daemon over one channel, and its local channel. Used by connection.py."""
+"""Session with a daemon over one channel, and its local channel. Used by connection.py."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Link:
                     raise
 
     def _share(self) -> None:
-        """Sets up what else the local channel carries: shared buffers and quick calls."""
+        """Sets up the other uses of the local channel: shared buffers and quick calls."""
         self.shared = share_frames(self._local_channel, self.server.capabilities)
         self.quick = open_fast_path(self._local_channel, self.server.capabilities)
         if self._local_channel is not None:
@@ -152,7 +152,7 @@ class Link:
         self._session = (("heliograph-session", str(self.session)),)
 
     def _ask_again(self, request: service.OpenSessionRequest, seconds: float) -> Any:
-        """Without waiting for a connection: what is raised now names the cause."""
+        """Opens the session without waiting for a connection, so that an error names the cause."""
         call = self.method("OpenSession")
         try:
             return call(request, timeout=seconds, metadata=self.metadata)
@@ -168,15 +168,15 @@ class Link:
         )
 
     def keep(self, daemon: Any) -> None:
-        """A private daemon lives as long as what refers to the session."""
+        """Keeps a private daemon alive as long as objects refer to the session."""
         if self._local_channel is not None:
             self._local_channel.daemon = daemon
 
     def ask_quickly(
         self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
     ) -> service.QuickReply | None:
-        """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC, which
-        knows how to take a session up again, and how to wait with what is done once."""
+        """Sends an Apply or Render by the fast path; raises its refusal. None: ask by gRPC, which
+        resumes sessions, and waits before it repeats what may be done once only."""
         if self.quick is None or self._access.traced():  # a packet has no room for a trace
             return None
         call.token = self._access.bearer()
@@ -190,7 +190,7 @@ class Link:
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
-        """What each call carries."""
+        """Headers of each call: token, trace, session."""
         return self._access.metadata() + self._session
 
     def keep_session(self) -> None:
@@ -202,7 +202,8 @@ class Link:
         self._keeper.start()
 
     def pause_for_fork(self) -> None:
-        """No stream may be open at os.fork; the grace time bridges the gap."""
+        """Closes the open stream before os.fork, which allows none; the grace time bridges the
+        gap."""
         if self.shared is not None:
             self.shared.keep_leases()
         if self._keep is not None:
@@ -232,7 +233,7 @@ class Link:
         return self._calls[key]
 
     def abandon(self) -> None:
-        """In a forked child: leaves the parent's channel alone for ever, closes our copy of the
+        """Leaves the parent's channel alone for ever, in a forked child, and closes our copy of the
         local channel. Closing or freeing the channel here would hang, so it is made immortal."""
         for thing in (self.channel, self._calls, self._keep):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))

@@ -15,7 +15,7 @@ from ._proto import service_pb2 as service
 
 _CAPABILITY = "quick_calls"
 _WORD = struct.Struct("=QQ")
-_OFFER = _WORD.pack(0, 1)  # with a socket: answer what comes over it
+_OFFER = _WORD.pack(0, 1)  # with a socket: answer its requests
 _SIZE = struct.Struct("=Q")
 _PACKET_BYTES = 64 << 10
 QUICK_BYTES = _PACKET_BYTES - 1024  # of a request; a token has room beside it

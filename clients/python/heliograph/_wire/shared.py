@@ -1,9 +1,9 @@
 """Memory that this process and the daemon share: frames, and arrays on their way to a scene.
 
-The arrays of a frame are views of ranges of the daemon's buffers, of which a few have all frames.
+The arrays of a frame are views of ranges of the daemon's buffers; a few buffers hold all frames.
 When the last array of a range is gone it goes back to the daemon, which never writes there before
-that; of a GPU's memory, when the GPU has done what it was given until then. Arrays travel in sealed
-memfds of this process's. Used by link.py and arrays.py.
+that; a range of a GPU's memory, when the GPU has finished its work until then. Arrays travel in
+sealed memfds of this process. Used by link.py and arrays.py.
 """
 
 from __future__ import annotations

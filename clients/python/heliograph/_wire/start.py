@@ -1,4 +1,4 @@
-"""What connect() does before anything heavy is imported. Used by __init__.py and link.py."""
+"""Start of connect(), before anything heavy is imported. Used by __init__.py and link.py."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Deadline:
 
 
 def deadline_of(timeout: Any, default: float | None) -> Deadline | None:
-    """Of connect()'s timeout=; None: neither it nor a default is given."""
+    """Deadline of connect()'s timeout=, seconds; None: neither it nor a default is given."""
     seconds = default if timeout is None else timeout
     if seconds is None:
         return None

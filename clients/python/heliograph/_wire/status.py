@@ -27,7 +27,7 @@ def to_error(error: grpc.RpcError) -> HeliographError:
         text = f"there is no connection to the daemon, or it was lost in the middle: {text}"
     if name == "CANCELLED" and not error.cancelled():
         name = "UNAVAILABLE"
-        text = f"the daemon cut the call off, because it ends or what it sent was not read: {text}"
+        text = f"the daemon cut the call off, because it ends, or its replies were not read: {text}"
     fields = fields_of(told)
     too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
     if too_long:

@@ -7,11 +7,12 @@ from typing import Any
 
 
 def is_tensor(value: Any) -> bool:
-    """Whether it is one."""
+    """True for a PyTorch tensor."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(value, torch.Tensor)
 
 
 def on_host(value: Any) -> Any:
-    """A tensor as an array of numpy, without a gradient; what else there is as it is."""
+    """Converts a tensor to an array of numpy, without a gradient; returns other values as they
+    are."""
     return value.detach().cpu().numpy() if is_tensor(value) else value

@@ -1,6 +1,6 @@
-"""What a transaction names by hash, until no repetition can need it. The daemon frees uploads that
-no scene, job or recent call refers to; a call that names one is refused with its hash, and repeated
-here once that was sent again. Used by edits, renders and assets."""
+"""Uploads that a transaction names by hash, kept until no repetition can need them. The daemon
+frees uploads that no scene, job or recent call refers to; a call that names one is refused with its
+hash, and repeated here once that was sent again. Used by edits, renders and assets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..scene.assets import Decoding
 
 _HASH = re.compile(r"\b[0-9a-f]{64}\b")
-_REMEMBERED = 4096  # hashes; what is forgotten is offered to the daemon again
+_REMEMBERED = 4096  # hashes; a forgotten one is offered to the daemon again
 _Key = TypeVar("_Key")
 _Value = TypeVar("_Value")
 _Answer = TypeVar("_Answer")
@@ -53,7 +53,7 @@ class Sources:
             self._blobs[digest] = bytes(data) if self._owns else data
 
     def add_decoding(self, digest: bytes, decoding: Decoding) -> None:
-        """What the daemon made of files."""
+        """Adds a file's decoding that the daemon made, by its digest."""
         self._decodings[digest] = decoding
 
     def clear(self) -> None:
@@ -62,7 +62,7 @@ class Sources:
         self._decodings.clear()
 
     def _send(self, client: Client, digest: bytes) -> bool:
-        """Sends again what a hash is of; whether it is known."""
+        """Sends the bytes or files of a hash again; True if it is known."""
         if digest in self._blobs:
             data = self._blobs[digest]
             if hashlib.sha256(data).digest() != digest:
@@ -78,7 +78,7 @@ class Sources:
         return False
 
     def bring(self, client: Client, error: HeliographError) -> bool:
-        """Sends again what a refusal names; whether it names any of these."""
+        """Sends the uploads that a refusal names again; True if it names any of these."""
         return any([self._send(client, digest) for digest in missing(error)])
 
     def complete(self, client: Client, call: Callable[[], _Answer]) -> _Answer:

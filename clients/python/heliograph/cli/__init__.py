@@ -16,7 +16,7 @@ EXIT_INTERRUPTED = 130
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """All subcommands."""
+    """Parser of all subcommands."""
     from . import (
         dataset,
         export,

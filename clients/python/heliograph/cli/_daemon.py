@@ -23,11 +23,13 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
         "--address", metavar="ADDRESS", help="unix:///path or host:port; default: a private daemon"
     )
     group.add_argument(
-        "--token", help="who you are; other users of this machine see it; --token-file is better"
+        "--token", help="your token; other users of this machine see it; --token-file is better"
     )
     group.add_argument("--token-file", metavar="FILE", help="the file that the token is in")
     group.add_argument("--tls", action="store_true", help="encrypt; implied by the next ones")
-    group.add_argument("--tls-ca", metavar="FILE", help="who signed the daemon's certificate, PEM")
+    group.add_argument(
+        "--tls-ca", metavar="FILE", help="CA that signed the daemon's certificate, PEM"
+    )
     group.add_argument("--tls-cert", metavar="FILE", help="your certificate, PEM")
     group.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
     group.add_argument(

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", help="where the data set goes")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="images; default 100")
     parser.add_argument("--seed", type=int, default=0, help="of all draws; default 0")
-    parser.add_argument("--spp", type=int, default=64, help="samples a pixel; default 64")
+    parser.add_argument("--spp", type=int, default=64, help="samples per pixel; default 64")
     parser.add_argument("--size", metavar="WxH", help="pixels; default 640x480")
     parser.add_argument(
         "--format",

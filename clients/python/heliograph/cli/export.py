@@ -18,8 +18,8 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         help="write a scene or a model as .glb or .usdz",
-        description="Writes a scene for other programs, with its motion. What the format cannot "
-        "say is named on the standard error.",
+        description="Writes a scene for other programs, with its motion. Features that the "
+        "format lacks are named on the standard error.",
     )
     parser.add_argument(
         "model",

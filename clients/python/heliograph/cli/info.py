@@ -1,4 +1,4 @@
-"""heliograph info: what a daemon is and can do, whether it is ready, and who uses what of it."""
+"""heliograph info: version, capabilities, readiness and use of a daemon, by tenant."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _LONG_SECONDS = 5400.0  # from here on hours
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "info",
-        help="version, backend, readiness of a daemon, its limits and who uses what",
-        description="What a daemon is and can do, whether it is ready, and who uses what of it. "
-        "Sessions and scenes are those of the caller's tenant.",
+        help="version, backend, readiness of a daemon, its limits and their use",
+        description="Prints version, capabilities and readiness of a daemon, its limits and their "
+        "use. Sessions and scenes are those of the caller's tenant.",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_connection(parser)
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     _print_server(info)
     _print_sessions(sessions)
     _print_scenes(scenes)
-    print("limits of this tenant, and what it uses of them")
+    print("limits of this tenant, and their use")
     for name in sorted(info.limits):
         used = f"{info.used[name]:>16,}" if name in info.used else ""
         print(f"  {name:<28}{info.limits[name]:>16,}{used}")

@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
         "are, in one file; .npz: planes and labels",
     )
     parser.add_argument("--size", type=parse_size, default=(960, 540), metavar="WxH")
-    parser.add_argument("--spp", type=int, metavar="N", help="samples a pixel; default 128")
+    parser.add_argument("--spp", type=int, metavar="N", help="samples per pixel; default 128")
     parser.add_argument("--seconds", type=float, help="stop after this long")
     parser.add_argument("--noise", type=float, help="stop below this relative error, e.g. 0.02")
     parser.add_argument("--seed", type=int, default=0)
@@ -66,9 +66,9 @@ def add_view(parser: argparse.ArgumentParser) -> None:
 
 
 def add_model(group: Any) -> None:
-    """How a model file is read."""
+    """Adds the options for reading a model file."""
     group.add_argument("--up", default="", choices=["x", "y", "z"], help="for formats without one")
-    group.add_argument("--units", type=float, default=0.0, help="metres a unit, likewise")
+    group.add_argument("--units", type=float, default=0.0, help="metres per unit, likewise")
     group.add_argument(
         "--folder", action="append", default=[], help="a further one that has the model's textures"
     )
@@ -206,5 +206,5 @@ def _add_floor(edit: Any, bounds: Any) -> None:
 
 def _report(frame: Frame, written: list[Path]) -> None:
     rate = frame.rays / max(frame.render_seconds, 1e-9) * 1e-6
-    took = f"{frame.samples} samples a pixel in {frame.render_seconds:.2f} s, {rate:.1f} Mrays/s"
+    took = f"{frame.samples} samples per pixel in {frame.render_seconds:.2f} s, {rate:.1f} Mrays/s"
     print(f"{', '.join(str(path) for path in written)} ({took})")

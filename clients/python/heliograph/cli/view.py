@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
         "view",
         help="look at a model or a scene in a browser",
         description="Serves one page on loopback and prints its address, which has a token in it: "
-        "who knows it sees the scene. Ctrl-C ends it.",
+        "anyone who has it sees the scene. Ctrl-C ends it.",
     )
     parser.add_argument(
         "model",
@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--scene", metavar="NAME", help="a scene of the daemon at --address")
     parser.add_argument("--port", type=int, default=0, help="default: any free one")
-    parser.add_argument("--spp", type=int, default=1024, help="samples a pixel; default 1024")
+    parser.add_argument("--spp", type=int, default=1024, help="samples per pixel; default 1024")
     parser.add_argument("--open", action="store_true", help="open the browser, too")
     parser.set_defaults(size=(960, 540))
     add_view(parser)

@@ -84,15 +84,16 @@ class Client:
         return self.scene_of(info, owned=lifetime == "session")
 
     def scenes(self) -> list[Scene]:
-        """Every scene this client may open."""
+        """Lists every scene that this client may open."""
         return [self.scene_of(info) for info in self.scene_infos()]
 
     def scene_infos(self) -> list[service.SceneInfo]:
-        """The same as the daemon tells of them, the oldest first."""
+        """Lists the v1.SceneInfo of each such scene, the oldest first."""
         return list(self.whole("ListScenes", service.ListScenesRequest()).scenes)
 
     def sessions(self) -> list[service.SessionUse]:
-        """The sessions of this client's tenant, the oldest first, and what each uses."""
+        """Lists the sessions of this client's tenant, the oldest first, with their use of
+        limits."""
         return list(self.whole("ListSessions", service.ListSessionsRequest()).sessions)
 
     def whole(self, name: str, request: Any) -> Any:
@@ -109,7 +110,7 @@ class Client:
         return reply
 
     def info(self) -> service.GetServerInfoReply:
-        """Version, backend, limits, capabilities, and what the kernel refused."""
+        """Version, backend, limits, capabilities, and features that the kernel refused."""
         reply: service.GetServerInfoReply = self.connection.call(
             "GetServerInfo", service.GetServerInfoRequest()
         )
@@ -120,7 +121,7 @@ class Client:
         return Scene(self, info.scene, info.name, owned=owned)
 
     def state_of(self, scene: int) -> SceneState:
-        """What every Scene object of one scene shares: the numbering of its edits."""
+        """State that every Scene object of one scene shares: the numbering of its edits."""
         with self._lock:
             return self._states.setdefault(scene, SceneState())
 
@@ -130,7 +131,7 @@ class Client:
             self._states.pop(scene, None)
 
     def forget_parent(self) -> None:
-        """In a forked child: waits for no thread of the parent, which is not here."""
+        """Replaces locks and states, in a forked child: waits for no thread of the parent."""
         self._lock = threading.RLock()
         self._states = {}
         self.store.forget_parent()
@@ -174,7 +175,7 @@ def open_client(
 
 
 def check_arguments(address: str | None, tls: TLS | None, arguments: Sequence[str]) -> None:
-    """What connect() refuses."""
+    """Checks the arguments of connect(). InvalidArgument."""
     if tls is not None and (address is None or address.startswith("unix:")):
         raise InvalidArgument('tls= is for "host:port"', field="tls")
     if tls is not None and not isinstance(tls, TLS):

@@ -52,7 +52,7 @@ _H = TypeVar("_H", bound=Handle)
 class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
     """A list of edits; `with` sends them as one transaction, or drops them on an exception.
 
-    In every call: what is given changes, what is absent stays, None resets to the default; the
+    In every call arguments that are given change, absent ones stay, None resets to the default; the
     object is created when its name is new; `exist_ok=False` only creates. Handles and names are
     interchangeable. Arrays are anything numpy accepts.
     """
@@ -126,7 +126,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         return self.scene.client.store.asset(data, self.sources)
 
     def note_decoding(self, digest: bytes) -> None:
-        """It names what the daemon made of files."""
+        """Adds a decoding to the sources, if the digest names one."""
         known = self.scene.client.store.decodings
         if digest in known:
             self.sources.add_decoding(digest, known[digest])
@@ -142,7 +142,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
 
     @property
     def is_lent(self) -> bool:
-        """Whether it names arrays on a GPU, which are gone when it is."""
+        """True if the transaction names arrays on a GPU, which it keeps alive."""
         return bool(self._loans)
 
     def _add(self, target: Named | None, exist_ok: bool = True, update: bool = False) -> pb.Edit:
@@ -284,7 +284,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         image: a file's path (decoded by the daemon; .ies: a luminaire's candela), an array (H, W)
         or (H, W, C), row 0 at the top, or a PIL image; u8 and u16 are normalised, f16 and f32 taken
         as they are. A PIL image of another mode than grey or RGB, with alpha or not, is converted.
-        A hg.FileWarning tells what was assumed of a file, or changed in it.
+        A hg.FileWarning tells of assumptions about a file, and changes to it.
         layer: of a file with several: "diffuse" of an EXR's channels diffuse.R, diffuse.G,
         diffuse.B, the name of a part, or of a channel ("Z").
         encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
@@ -330,12 +330,12 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
     ) -> Asset:
         """Decodes a model (glTF, FBX, OBJ, .. : docs/formats.md) and places it `count` times.
 
-        up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before
-        what a file says; glTF refuses them. variant: of a glTF with KHR_materials_variants, the
-        name of the one that is shown instead of the default; NotFound lists those that there are.
-        surface: of a volume file, its level sets as a mesh, a part each, instead of one of them as
-        fog; refused where there is none. server_path: a file under the daemon's asset root instead.
-        Roots are called `name`, or "<name>/0" .. for a count above 1.
+        up ("x", "y", "z") and units (metres per unit) serve formats that name none, and override a
+        file's own; glTF refuses them. variant: of a glTF with KHR_materials_variants, the name of
+        the one to show instead of the default; NotFound lists the names. surface: of a volume file,
+        its level sets as a mesh, a part each, instead of one of them as fog; refused where there is
+        none. server_path: a file under the daemon's asset root instead. Roots are called `name`, or
+        "<name>/0" .. for a count above 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
         `folders`: where the model says they are, else a file of the same name. Without one the
@@ -372,7 +372,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
 
     def remove(self, things: Any, *, cascade: bool = False) -> None:
         """Removes objects. FailedPrecondition lists who still uses one; `cascade` removes an
-        entity's children too and unbinds what refers to it."""
+        entity's children too and unbinds references to it."""
         for thing in flatten(things, "things"):
             self._add(thing).remove.cascade = cascade
 
@@ -386,8 +386,8 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         self._add(None).advance.dt = number_of(dt, "dt")
 
     def categories(self, *names: str) -> None:
-        """Registers classes in this order, so that every scene gives them the same ids; those that
-        are known keep theirs."""
+        """Registers classes in this order, so that every scene gives them the same ids; known
+        classes keep theirs."""
         self._add(None).settings.categories.extend(text_of(n, "categories") for n in names)
 
     def time(self, t: float) -> None:

@@ -1,4 +1,4 @@
-"""How long scenes live, by the names that users know. Used by client.py and scene.py."""
+"""Lifetimes of scenes, by the names that users know. Used by client.py and scene.py."""
 
 from __future__ import annotations
 

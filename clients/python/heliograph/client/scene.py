@@ -92,7 +92,7 @@ class Scene:
         try:
             return self.client.connection.apply(request)
         except KeyboardInterrupt:
-            # Whether it was applied is settled by asking for the same number again.
+            # Sends the same number again, which settles if it was applied.
             self.client.connection.apply(request)
             raise
 
@@ -102,13 +102,12 @@ class Scene:
         """Renders one camera (a Frame) or a sequence of them (a list of Frames).
 
         The stop rule of `beauty` and other averaged planes: spp, seconds and noise, any of them;
-        without one, 64 samples a pixel. adaptive: samples go to the noisier tiles, spp is the most
-        a pixel gets. planes: names, default ["beauty"]; disparity:CAMERA names its second camera.
-        half: those of `planes` that come as float16. size: (width, height), default the camera's
-        own. seed. time: seconds, default the scene's. frame_interval, hold: the other end of flow.
+        without one, 64 samples per pixel. adaptive: samples go to the noisier tiles, up to
+        spp per pixel. planes: names, default ["beauty"]; disparity:CAMERA names its second camera.
+        half: names of planes to send as float16. size: (width, height), default the camera's own.
+        seed. time: seconds, default the scene's. frame_interval, hold: the other end of flow.
         overlay: of scene.overlay(). labels: see docs/python.md; by default boxes come with any
-        plane that looks at surfaces. revision: exactly this one. progress: True, False, or a
-        callable.
+        plane that looks at surfaces. revision: exactly this one. progress: bool or a callable.
         Ctrl-C cancels the job and leaves the client usable.
         """
         single = isinstance(cameras, (str, Handle))
@@ -128,7 +127,7 @@ class Scene:
     def render_sequence(
         self, camera: Named, times: Any, **options: Unpack[call.Options]
     ) -> Iterator[Frame]:
-        """One frame a time, seconds; the next one is rendered when it is asked for."""
+        """Yields one frame per time, seconds; each is rendered when it is asked for."""
         if "time" in options:
             raise InvalidArgument("time: render_sequence sets it", field="time")
         revision = options.pop("revision", None) or self.revision
@@ -167,7 +166,7 @@ class Scene:
         Rendered again at each new revision of the scene and each live.update(). policy "latest":
         frames are refined (1, 2, 4, ... samples) until something changes, old ones are dropped.
         "lossless": each update gives its final frames, in order, none is dropped. credits: frames
-        that may be under way or in your hands. options: those of render(); timeout ends the stream.
+        that may be under way or held by you. options: of render(); timeout ends the stream.
         """
         return live.Live(self, cameras, policy, credits, options)
 
@@ -201,7 +200,7 @@ class Scene:
 
     @property
     def lifetime(self) -> Lifetime:
-        """Until when it lives; see Client.create_scene."""
+        """Lifetime of the scene: "session", "daemon", "disk" or "disk_synced"."""
         return NAMES[self._info().lifetime]
 
     @property
@@ -246,7 +245,7 @@ class Scene:
         return [self.handle(o.id, o.name) for o in self._objects(pattern)]
 
     def tree(self) -> str:
-        """Every object, entities indented under their parents, with their uses."""
+        """Text of the scene's objects, entities indented under their parents, with their uses."""
         from ..image.notebook import Tree
 
         return Tree(self._objects("")).text()
@@ -263,7 +262,7 @@ class Scene:
         return np.stack([row[0] for row in self.read(listed, ["pose"])])
 
     def read(self, things: Sequence[Named], fields: Sequence[str]) -> list[list[Any]]:
-        """For each thing, each field: an array, an Edit message, or None where there is nothing."""
+        """Reads, per thing, each field: an array, an Edit message, or None where there is none."""
         refs = [t.ref() if isinstance(t, Handle) else types.Ref(name=t) for t in things]
         request = service.ReadRequest(scene=self.id, refs=refs, fields=fields)
         out: list[list[Any]] = [[None] * len(fields) for _ in refs]
@@ -293,8 +292,8 @@ class Scene:
         return query.cast_rays(self, origins, directions, (t_max, any_hit))
 
     def pick(self, camera: Named, pixels: Any) -> Columns:
-        """What lies at image points (N, 2), K coordinates (integers are pixel centres): the columns
-        of cast_rays()."""
+        """Columns of cast_rays() for the surfaces seen at image points (N, 2), K coordinates
+        (integers are pixel centres)."""
         return query.pick(self, camera, pixels)
 
     def visible(self, camera: Named, entities: Any) -> Columns:
@@ -313,7 +312,7 @@ class Scene:
     def tracks(
         self, camera: Named, points: Any, times: Any, *, through_transmission: bool = False
     ) -> Columns:
-        """Where N points of surfaces are at T times (seconds, any order), as a camera sees them.
+        """Projects N points of surfaces at T times (seconds, any order) into a camera.
 
         points: columns entity, primitive, barycentric, as pick(), cast_rays() and sample_surface()
         give them; or (entity, vertices (N,)); or (entity, primitive (N,), barycentric (N, 2)).
@@ -353,10 +352,11 @@ class Scene:
         scene_file.write(path, self.client.connection.stream("ExportScene", request))
 
     def export(self, path: str | os.PathLike[str], *, revision: int | None = None) -> None:
-        """Writes the scene for other programs, as its ending says: .glb (glTF 2.0) or .usdz.
+        """Writes the scene for other programs, by the path's ending: .glb (glTF 2.0) or .usdz.
 
-        Units are metres. What the format cannot say is left out with a FileWarning that names it:
-        docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument: path.
+        Units are metres. Features that the format lacks are left out with a FileWarning that names
+        them: docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument:
+        path.
         """
         from ..export.write import checked_path, write
 

@@ -1,4 +1,4 @@
-"""What a session knows of a scene. Kept by client.py, used by scene.py."""
+"""State that a session keeps of a scene. Kept by client.py, used by scene.py."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from ..scene import _domes
 
 
 class SceneState:
-    """What one session knows of one scene: the numbering of its edits, contiguous, one at a time;
-    and its dome."""
+    """State of one scene in one session: the numbering of its edits, contiguous, one at a time; and
+    its dome."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()

@@ -34,10 +34,10 @@ _QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.WARNI
 
 @dataclass(frozen=True)
 class Report:
-    """What generate() did. images: made by this call; skipped: were there; rejected: by `accept`;
-    seconds; lost: how often a worker or its daemon was; core_seconds: of CPU time for the images,
-    without what lost workers spent, None where a daemon is not a worker's own; gpu_seconds: how
-    long GPUs were taken."""
+    """Result of generate(). images: made by this call; skipped: present before; rejected: draws
+    that `accept` refused; seconds; lost: how often a worker or its daemon was; core_seconds: CPU
+    time for the images, without that of lost workers, None where a daemon is not a worker's own;
+    gpu_seconds: time that GPUs were reserved."""
 
     images: int
     skipped: int
@@ -89,11 +89,11 @@ def generate(
     The writer's directory is one that all machines see. Each worker loads the scene as it is now
     over a connection of its own: `connect` has the arguments of hg.connect(), default a private
     daemon. randomizer, accept and writer are pickled; handles in them serve there, too.
-    shard: how many images a worker is given at a time; a shard that is done is noted in
-    DIR/.heliograph/shards, and not looked at again by a later call. cores, gpus: what Ray reserves
-    for a worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
+    shard: number of images that a worker gets at a time; a shard that is done is noted in
+    DIR/.heliograph/shards, and skipped by a later call. cores, gpus: number that Ray reserves per
+    worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
     the images under way; the shard is given to another one, up to `tries` times. One that is lost
-    `tries` times before it is ready ends the call, too: Unavailable with what Ray says.
+    `tries` times before it is ready ends the call, too: Unavailable with Ray's message.
     progress, resume, options: as of heliograph.datasets.generate.
 
     Where Ray was not initialized, it is for this call: on the cluster that RAY_ADDRESS names, else
@@ -114,12 +114,7 @@ def generate(
             with Bar(progress) as bar:
                 shown = _Shown(bar, count, todo)
                 made = team.make(todo, number, whole_of(tries, "tries", 1), shown)
-            run.begin()
-            if not run.finish():
-                raise FailedPrecondition(
-                    f"{run.writers[0].directory}: images of finished shards are missing; do "
-                    "machines that make them see the same directory?"
-                )
+            _finish(run)
     images = sum(each["images"] for each in made)
     used = [each["core_seconds"] for each in made]
     return Report(
@@ -131,6 +126,16 @@ def generate(
         core_seconds=None if None in used else sum(used),
         gpu_seconds=need["num_gpus"] * sum(each["seconds"] for each in made),
     )
+
+
+def _finish(run: Run) -> None:
+    """Writes the files that describe all images. FailedPrecondition where an image is missing."""
+    run.begin()
+    if not run.finish():
+        raise FailedPrecondition(
+            f"{run.writers[0].directory}: images of finished shards are missing; do "
+            "machines that make them see the same directory?"
+        )
 
 
 def _shards(count: int, width: int) -> list[Shard]:
@@ -159,7 +164,7 @@ class _Shown:
 
 
 class _Team:
-    """Actors, and which shard each of them has; while it starts, which attempt that is."""
+    """Actors, and the shard of each of them; while one starts, the number of its attempt."""
 
     def __init__(self, ray: Any, kind: Any, arguments: Sequence[Any]) -> None:
         self._ray, self._kind, self._arguments = ray, kind, arguments
@@ -171,7 +176,7 @@ class _Team:
     def make(
         self, shards: Sequence[Shard], workers: int, tries: int, shown: _Shown
     ) -> list[dict[str, Any]]:
-        """Has all shards made; what was said of each."""
+        """Has all shards made; returns the result of each."""
         self._todo.extend(shards)
         made: list[dict[str, Any]] = []
         idle: list[Any] = []
@@ -219,8 +224,8 @@ class _Team:
         self._busy[actor.make.remote(*shard)] = actor, shard
 
     def _said(self, reference: Any) -> dict[str, Any]:
-        """What an actor answered; "lost": why it was, "ended": there is no such actor any more.
-        Raises its errors."""
+        """Answer of an actor; "lost": why it was lost, "ended": the actor is gone. Raises its
+        errors."""
         errors = self._ray.exceptions
         try:
             return self._ray.get(reference) or {}

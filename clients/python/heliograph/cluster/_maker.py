@@ -51,7 +51,8 @@ def _unpacked(data: bytes, scene: Scene) -> dict[str, Any]:
 
 
 def shard_path(first: int, end: int) -> str:
-    """Below the data set's directory: what says that the images first .. end - 1 are there."""
+    """Path, below the data set's directory, of the file that marks images first .. end - 1 as
+    done."""
     return f"{NAME}/shards/{first:09d}-{end:09d}.json"
 
 
@@ -77,7 +78,8 @@ class Maker:
             self.close()
 
     def make(self, first: int, end: int) -> dict[str, Any]:
-        """Makes the images first .. end - 1; what the shard's file says of it, or {"lost": why}."""
+        """Makes the images first .. end - 1. Returns the content of the shard's file, or {"lost":
+        why}."""
         start, used = time.monotonic(), self._cpu_seconds()
         try:
             run = self._opened()
@@ -111,7 +113,7 @@ class Maker:
         return self._run
 
     def _cpu_seconds(self) -> float:
-        """What this process and its private daemon have used so far."""
+        """CPU seconds of this process and its private daemon so far."""
         daemon = self._client.connection.daemon if self._client is not None else None
         is_there = daemon is not None and daemon.exit_code() is None
         return time.process_time() + (daemon.cpu_seconds() if daemon and is_there else 0.0)

@@ -1,4 +1,4 @@
-"""Who makes which images: indices dealt in blocks to the workers of a job. Used by torch.py and
+"""Shares of a job: indices of images, dealt in blocks to its workers. Used by torch.py and
 cluster.py."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ..values.checks import whole_of
 def dealt(
     count: int | None, part: int = 0, parts: int = 1, *, block: int = 1, start: int = 0
 ) -> Iterator[int]:
-    """Those of the indices start .. start + count - 1 that part number `part` of `parts` makes.
+    """Yields the indices of start .. start + count - 1 that part number `part` of `parts` makes.
 
     Blocks of `block` consecutive indices go round: block b to part b % parts. Over all parts each
     index comes once. count None: without end.

@@ -60,7 +60,7 @@ class Bodies:
         return [self._bodies[handle.id] for handle in handles]
 
     def some(self, things: Any, field: str) -> list[Body]:
-        """The same of one thing or more."""
+        """Bodies of one thing or more; InvalidArgument for none."""
         bodies = self.of(things, field)
         if not bodies:
             raise InvalidArgument(f"{field}: is empty; name one entity or more", field=field)

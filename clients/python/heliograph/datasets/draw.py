@@ -1,4 +1,4 @@
-"""Draw: what a randomizer gets, and Compose. Made by generate(), used by every randomizer."""
+"""Draw, the argument of a randomizer, and Compose. Made by generate(), used by every randomizer."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
     from ..robots.robot import Robot
 
-_DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
+_DRAW, _RENDER = 0, 1  # first number of a key: the purpose of the numbers
 
 
 class Draw:
-    """One draw from the randomizers: an overlay under way, and the numbers to draw it from.
+    """Draw from the randomizers: an overlay under way, and the numbers to draw it from.
 
     scene: for reading and queries; it stays as it is. edit: the overlay, an hg.Edits.
     rng: a np.random.Generator of this randomizer and draw alone. index: of the draw, from 0: with
@@ -57,7 +57,7 @@ class Draw:
         return self.cameras[0]
 
     def _rng(self, path: tuple[int, ...]) -> np.random.Generator:
-        """That of a path, one a draw: whoever is called again goes on with its numbers."""
+        """Generator of a path, one per draw: a second call of the path goes on with its numbers."""
         if path not in self._rngs:
             key = (_DRAW, self.index, self.attempt, *path)
             sequence = np.random.SeedSequence(self.seed, spawn_key=key)
@@ -66,8 +66,8 @@ class Draw:
 
     @contextmanager
     def within(self, position: int) -> Iterator[None]:
-        """While it lasts, rng is one of its own, keyed by (seed, index, attempt, position); of a
-        Compose within another by both positions. The next time it goes on with its numbers."""
+        """Within the block, makes rng one of its own, keyed by (seed, index, attempt, position); in
+        a Compose within another, by both positions. The next block goes on with its numbers."""
         path, rng = self._path, self.rng
         self._path = (*path, position)
         self.rng = self._rng(self._path)
@@ -77,11 +77,11 @@ class Draw:
             self._path, self.rng = path, rng
 
     def pose(self, entity: Named) -> NdArray:
-        """(4, 4) float64 world_from_local as drawn so far: what place(), set_joints(), and
-        transform= and parent= of edits set, else the scene's.
+        """(4, 4) float64 world_from_local as drawn so far: set by place(), set_joints(), and
+        transform= and parent= of edits, else the scene's.
 
-        Of the scene's own entities edits' keys= and set_transforms() are not seen. InvalidArgument
-        of what was made with keys= or more than 1 MiB of transforms=: place() it.
+        For the scene's own entities, keys= and set_transforms() of edits are not seen.
+        InvalidArgument for an entity made with keys= or more than 1 MiB of transforms=: place() it.
         """
         self._follow()
         return self._world(self._key(entity), {}).copy()
@@ -123,7 +123,7 @@ class Draw:
         return self._base.bodies
 
     def mark(self) -> Any:
-        """What was drawn so far, for rewind()."""
+        """State of the draw so far, for rewind()."""
         drawn = dict(self._placed), dict(self._parents), dict(self._made)
         return len(self.edit.transaction.edits), self._followed, drawn
 
@@ -144,7 +144,7 @@ class Draw:
         return self._parents.get(key, self._base.of(key)[1])
 
     def _world(self, key: Any, worlds: Mapping[Any, NdArray]) -> NdArray:
-        """(4, 4) world pose, where some have those of `worlds`."""
+        """(4, 4) world pose; `worlds` holds the poses known already."""
         if key in worlds:
             return worlds[key]
         local = self._placed.get(key, self._base.of(key)[0])
@@ -195,11 +195,11 @@ class Draw:
             self._placed[key] = np.eye(4)
 
     def _key_of(self, index: int) -> Any:
-        """Of what an edit makes or changes."""
+        """Key of the object that an edit makes or changes."""
         return self._named(self.edit.transaction.edits[index].target) or f"edits[{index}]"
 
     def _named(self, ref: types.Ref) -> Any:
-        """The key of what a Ref names; 0: nothing."""
+        """Key of the object that a Ref names; 0: none."""
         if ref.HasField("created_by_edit"):
             return self._key_of(ref.created_by_edit)
         return self._base.ids.get(ref.name, ref.name) if ref.name else ref.id
@@ -226,7 +226,8 @@ class BasePoses:
         self._known: dict[Any, tuple[NdArray, int]] = {}
 
     def of(self, key: Any) -> tuple[NdArray, int]:
-        """((4, 4) parent_from_local, id of the parent or 0); of what a draw made, the identity."""
+        """((4, 4) parent_from_local, id of the parent or 0); the identity for an entity that the
+        draw made."""
         if not isinstance(key, int):
             return np.eye(4), 0
         self.learn([key])
@@ -234,11 +235,11 @@ class BasePoses:
 
     @cached_property
     def ids(self) -> dict[str, int]:
-        """Of the scene's objects, by their names."""
+        """Ids of the scene's objects, by name."""
         return {found.name: found.id for found in self.scene.describe(tree=True).objects}
 
     def learn(self, keys: Any) -> None:
-        """Asks for those that are not known, in one call."""
+        """Reads poses that are not known yet, in one call."""
         unknown = [key for key in dict.fromkeys(keys) if key not in self._known]
         if not unknown:
             return
@@ -254,8 +255,8 @@ class BasePoses:
 
 
 class Compose:
-    """Runs randomizers in order, each with an rng of its own: what one of them draws does not
-    depend on how many numbers another one took. A randomizer is any callable (draw) -> None."""
+    """Runs randomizers in order, each with an rng of its own: the draws of one do not depend on how
+    many numbers another one took. A randomizer is any callable (draw) -> None."""
 
     def __init__(self, *randomizers: Callable[[Draw], Any]) -> None:
         for position, randomizer in enumerate(randomizers):

@@ -1,5 +1,5 @@
-"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands; of
-dataset.json see record.py."""
+"""Folder DIR/.heliograph, where a data set keeps records. Used by generate() and commands;
+dataset.json is in record.py."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAME = ".heliograph"
 
 
 def _here() -> str:
-    """Where numbers of processes mean the same: containers may share a host's name, not these."""
+    """Name of this process namespace: containers may share a host's name, not this."""
     try:
         return f"{socket.gethostname()}-{os.stat('/proc/self/ns/pid').st_ino}"
     except OSError:  # no Linux
@@ -36,11 +36,11 @@ _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
 
 class Folder:
-    """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (what the writer
-    returned, with what is needed to check a picture), manifests/000123.json, overlays/000123.bin
-    (a v1.Transaction) where the manifest has not got it; of what overlays name by SHA-256
-    blobs/SHA256, and decodings/SHA256.bin (a v1.DecodeAssetRequest, whose files are blobs) where
-    the daemon made it of files. Thread: any.
+    """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (the record of
+    the writer, and values to check a picture by), manifests/000123.json, overlays/000123.bin (a
+    v1.Transaction) where the manifest leaves it out; blobs/SHA256 that overlays name by hash, and
+    decodings/SHA256.bin (a v1.DecodeAssetRequest, whose files are blobs) where the daemon made the
+    bytes of files. Thread: any.
 
     Each file appears whole or not at all. The record comes last: with it the image is done.
     """
@@ -76,15 +76,15 @@ class Folder:
         self.put(self._mark.relative_to(self.root), "")
 
     def exit(self) -> None:
-        """Takes back what enter() said."""
+        """Undoes enter()."""
         self._mark.unlink(missing_ok=True)
 
     def is_entered(self) -> bool:
-        """Whether another run is under way; on another machine it may have been killed."""
+        """True if another run is under way; on another machine it may have been killed."""
         return bool(self._others())
 
     def is_entered_here(self) -> bool:
-        """Whether another run of this machine, or container, is."""
+        """True if another run of this machine, or container, is under way."""
         return any(_MINE.fullmatch(path.name) for path in self._others())
 
     def _others(self) -> list[Path]:
@@ -99,8 +99,8 @@ class Folder:
 
     @contextlib.contextmanager
     def partial(self, name: str | Path) -> Iterator[Path]:
-        """A path of this thread's own, of what is to be DIR/name; what is there when the block ends
-        goes."""
+        """Temporary path of this thread for DIR/name; a file there at the end of the block is
+        removed."""
         partial = self.own / "partial"
         path = partial / _named_for_me(Path(name).name)
         with self.explained(name):
@@ -111,7 +111,7 @@ class Folder:
                 path.unlink(missing_ok=True)
 
     def drop_partial(self) -> None:
-        """What processes of this machine, or container, left that were killed."""
+        """Removes partial files of killed processes of this machine, or container."""
         _drop_dead(self.own / "partial")
 
     @contextlib.contextmanager
@@ -157,7 +157,7 @@ class Folder:
         return self._record(index).exists()
 
     def keep(self, index: int, record: dict[str, Any], manifest: str, overlay: bytes) -> None:
-        """Notes that an image is done. Of a large overlay the manifest has a hash alone."""
+        """Notes that an image is done. The manifest has only the hash of a large overlay."""
         if overlay and '"overlay":{' not in manifest:
             self.put(f"{NAME}/overlays/{name_of(index)}.bin", overlay)
         else:  # that of an image that this one takes the place of
@@ -167,15 +167,15 @@ class Folder:
         self.put(self._record(index).relative_to(self.root), text)
 
     def record(self, index: int) -> dict[str, Any]:
-        """What keep() got; NotFound."""
+        """Record given to keep(). NotFound."""
         return _json(self._record(index))
 
     def manifest(self, index: int) -> str:
-        """What keep() got; NotFound."""
+        """Manifest given to keep(), JSON. NotFound."""
         return _text(self.own / "manifests" / f"{name_of(index)}.json")
 
     def overlay(self, index: int) -> bytes | None:
-        """What keep() got, where the manifest has not got it."""
+        """Overlay given to keep(), where the manifest leaves it out; otherwise None."""
         path = self.own / "overlays" / f"{name_of(index)}.bin"
         return path.read_bytes() if path.exists() else None
 
@@ -188,18 +188,18 @@ class Folder:
             self.put(self._blob(digest).relative_to(self.root), data)
 
     def blob(self, digest: bytes) -> bytes | None:
-        """What keep_blob() got."""
+        """Blob given to keep_blob(); None if there is none."""
         path = self._blob(digest)
         return path.read_bytes() if path.exists() else None
 
     def keep_decoding(self, digest: bytes, request: bytes) -> None:
-        """Notes what was decoded to what that SHA-256 names, once."""
+        """Keeps the request whose decoding has that SHA-256, once."""
         path = self._decoding(digest)
         if not path.exists():
             self.put(path.relative_to(self.root), request)
 
     def decoding(self, digest: bytes) -> bytes | None:
-        """What keep_decoding() got."""
+        """Decoding given to keep_decoding(); None if there is none."""
         path = self._decoding(digest)
         return path.read_bytes() if path.exists() else None
 
@@ -217,15 +217,15 @@ class Folder:
         return _json(self.own / "dataset.json")
 
     def has_files(self) -> bool:
-        """Whether DIR has any, but what is kept here."""
+        """True if DIR has any file or folder but this one."""
         return any(path != self.own for path in self.root.iterdir())
 
     def has_images(self, but: Container[int] = ()) -> bool:
-        """Whether an image is done."""
+        """True if an image is done whose index is not in `but`."""
         return any(index not in but for index in self._done())
 
     def forget(self, images: Container[int]) -> None:
-        """That these are done. All other files stay: equal runs may be using them."""
+        """Removes the records of images. All other files stay: equal runs may be using them."""
         for index in self._done():
             if index in images:
                 self._record(index).unlink(missing_ok=True)
@@ -236,7 +236,7 @@ class Folder:
 
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
-    """Whether an error is one of these, by its number or by what it says."""
+    """True if an error has one of these errnos, by its number or by its text."""
     told = getattr(error, "errno", None)
     return told in numbers or (
         told is None and any(os.strerror(number) in str(error) for number in numbers)
@@ -250,7 +250,7 @@ def _named_for_me(name: str) -> str:
 
 
 def _drop_dead(folder: Path) -> None:
-    """Removes from such a folder what processes left that were killed here."""
+    """Removes from such a folder the remains of processes that were killed here."""
     for path in folder.glob("*"):
         mine = _MINE.fullmatch(path.name)
         if mine and not _is_alive(int(mine[1])):
@@ -273,7 +273,7 @@ def _is_alive(process: int) -> bool:
 
 
 def name_of(index: int) -> str:
-    """ "000123": what the files of an image are called."""
+    """Name of an image's files: "000123"."""
     return f"{index:06d}"
 
 

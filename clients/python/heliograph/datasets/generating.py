@@ -36,8 +36,8 @@ _OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "tim
 
 @dataclass(frozen=True)
 class Summary:
-    """What generate() did. images: made by this call; skipped: were there; rejected: draws that
-    `accept` refused; seconds; complete: whether all images of the data set are there."""
+    """Result of generate(). images: made by this call; skipped: present before; rejected: draws
+    that `accept` refused; seconds; complete: True if all images of the data set are there."""
 
     images: int
     skipped: int
@@ -72,17 +72,17 @@ def generate(
     draws from draw.rng alone, so that every image is a pure function of (seed, i). writer: one or
     several, each with a directory of its own.
     indices: make these only, a shard; the one that makes the last missing image finishes the data
-    set. resume: images that are there are not made again; False: all are, or those of indices.
-    accept: gets the label columns of a draw, which are made before anything is shaded, once a
-    camera; when it says no the draw is rejected and drawn anew, up to `attempts` times. labels: the
-    columns that accept sees, and the frames too; by default all but masks for accept alone.
-    splits: {"train": 0.8, "val": 0.2}: shares, of draws. credits: how many draws are under way.
+    set. resume: True makes only missing images; False makes all, or all of `indices`, again.
+    accept: called once per camera with the label columns of a draw, before anything is shaded; if
+    it returns False, the draw is rejected and drawn anew, up to `attempts` times. labels: the
+    columns of accept and of the frames; by default all but masks, for accept alone.
+    splits: {"train": 0.8, "val": 0.2}: shares of the draws. credits: number of draws under way.
     progress: None shows a bar where one is watched; a callable gets hg.Progress of images.
-    options: those of Scene.render: size, max_depth, ...
+    options: of Scene.render: size, max_depth, ...
 
-    The scene is not to be edited meanwhile. Raises what the daemon raises, with the image's number
-    in front, and a RuntimeError that is caused by what else a randomizer or a writer raised; images
-    that are done stay.
+    Do not edit the scene meanwhile. Raises the daemon's errors, with the image's number in front,
+    and a RuntimeError for any other error of a randomizer or a writer, as its cause; images that
+    are done stay.
     """
     run = run_of(
         scene,
@@ -120,7 +120,7 @@ def run_of(
     splits: Mapping[str, float] | None = None,
     **options: Any,
 ) -> Run:
-    """What generate() does with these arguments, not begun yet."""
+    """Run of generate() with these arguments, not begun yet."""
     refused = sorted(set(options) & set(_OWN))
     if refused:
         raise InvalidArgument(
@@ -210,7 +210,7 @@ class Run:
             writer.begin(self.dataset)
 
     def make(self, wanted: Sequence[int], credits: int, bar: Bar) -> Summary:
-        """Those of the images that are not there yet; of `complete` it says nothing."""
+        """Makes the wanted images that are not there yet. Summary.complete is left False."""
         start = time.monotonic()
         skipped = _Count()
         draws = self._draws(wanted, skipped)
@@ -233,7 +233,7 @@ class Run:
         return Summary(made, skipped.value, self.source.rejected, seconds, False)
 
     def checked(self, indices: Iterable[int] | None) -> Sequence[int]:
-        """Those that make() takes; None: all."""
+        """Indices for make(), within [0, count); None: all. InvalidArgument."""
         count = self.dataset.count
         if indices is None:
             return range(count)
@@ -256,7 +256,7 @@ class Run:
                 yield draw, missing
 
     def finish(self) -> bool:
-        """Whether all images are there; if so, writes what is of all of them."""
+        """True if all images are there; if so, writes the files that describe all of them."""
         for writer, record in zip(self.writers, self.records):
             with writer.folder.alone():
                 record.check()
@@ -335,7 +335,8 @@ class _Count:
 
 
 def merged(requests: Iterable[Any]) -> dict[str, Any]:
-    """One label request that has all of several: each True, False, a mapping or names."""
+    """Merges label requests (each True, False, a mapping or names) into one. InvalidArgument where
+    two ask for different values."""
     out: dict[str, Any] = {}
     for request in requests:
         if request is True:

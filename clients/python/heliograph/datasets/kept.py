@@ -1,4 +1,4 @@
-"""An image of a data set that is there: rendered again from what the data set keeps. Used by
+"""Image of an existing data set, rendered again from the data set's own records. Used by
 `heliograph rerender` and `heliograph open`."""
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class KeptImage:
 
     @classmethod
     def find(cls, path: str | os.PathLike[str]) -> KeptImage:
-        """Of "DIR/000123", or of a file of one image, such as DIR/images/000123.png."""
+        """Image of "DIR/000123", or of a file of one image, such as DIR/images/000123.png.
+        NotFound."""
         whole = Path(path).absolute()
         for directory in whole.parents:
             if (directory / NAME).is_dir():
@@ -60,7 +61,7 @@ class KeptImage:
 
     @property
     def overlay(self) -> pb.Transaction:
-        """What the randomizers did."""
+        """Overlay of the image: the edits of its randomizers."""
         kept = self.folder.overlay(self.index)
         if kept is not None:
             return pb.Transaction.FromString(kept)
@@ -71,8 +72,8 @@ class KeptImage:
 
     @contextmanager
     def opened(self, client: Client) -> Iterator[Scene]:
-        """The scene before the randomizers, in that daemon, which has what the overlay names. It is
-        deleted at the end."""
+        """Opens the scene as it was before the randomizers in a daemon, with the uploads that the
+        overlay names. Deletes it at the end."""
         with client.load_scene(self.folder.scene_path) as scene:
             Kept(self.folder, client).bring(self.overlay)
             yield scene
@@ -83,7 +84,7 @@ class KeptImage:
             return self._run(scene, self._request(scene))
 
     def render_labelled(self, client: Client) -> Frame:
-        """The same view with the planes beauty and instance and all labels, to look at."""
+        """Renders the same view with the planes beauty and instance and all labels, to look at."""
         with self.opened(client) as scene:
             request = self._request(scene)
             wanted = call.make_request(
@@ -111,11 +112,12 @@ class KeptImage:
         return call.request_of_manifest(scene, json.dumps(manifest))
 
     def is_same(self, frame: Frame) -> bool:
-        """Whether a frame has the bytes of the one that was written: planes and labels."""
+        """True if a frame has the bytes of the one that was written: planes and labels."""
         return frame.sha256.hex() == self._sha256
 
     def why_not(self, frame: Frame) -> str:
-        """What may have made a frame another one."""
+        """Explains how a frame may differ from the one that was written: versions, CPU features,
+        backend."""
         old = json.loads(self.folder.manifest(self.index))
         new = json.loads(frame.manifest)
         names = ("version", "backend", "cpu_features", "denoiser")
@@ -128,7 +130,7 @@ class KeptImage:
 
 
 def _index_of(folder: Folder, inside: Path) -> int | None:
-    """Of the image that DIR/inside names or is a file of."""
+    """Index of the image that DIR/inside names or is a file of; None: of no image."""
     number = re.match(r"\d+", inside.name)
     if number is None or inside.suffix == ".tar":  # a shard is of many images
         return None
@@ -140,7 +142,7 @@ def _index_of(folder: Folder, inside: Path) -> int | None:
 
 
 def _index_in_scene(folder: Folder, inside: Path, scene_images: int) -> int | None:
-    """Of SPLIT/000001/rgb/000000.png of Bop, where numbers begin anew in each scene."""
+    """Index for SPLIT/000001/rgb/000000.png of Bop, where numbers begin anew in each scene."""
     found = re.fullmatch(r"([^/]+)/(\d+)/[^/]+/(\d+)[^/]*", inside.as_posix())
     if found is None:
         return None

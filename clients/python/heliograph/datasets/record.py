@@ -1,7 +1,7 @@
-"""The record of a data set, DIR/.heliograph/dataset.json: whoever makes it first owns the
-directory, and everybody else's run is the same or is refused. Used by generate() and its workers.
+"""The record of a data set, DIR/.heliograph/dataset.json: the first run to make it owns the
+directory, and any other run is the same or is refused. Used by generate() and its workers.
 
-It appears whole, and for one of all who try: by a link to a name that is free, which network file
+It appears whole, and for one of all runs that try: by a link to a free name, which network file
 systems decide as well (NFSv3 and later). Locks are used besides, where machines share them.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
 
 FORMAT = "heliograph.dataset.v1"
-_UNLIKE = ("count", "version", "numpy")  # what runs of one data set may have another of
+_UNLIKE = ("count", "version", "numpy")  # keys in which runs of one data set may differ
 _NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EXDEV)
 _TAKEN = (errno.EEXIST, errno.ENOTEMPTY)
 
@@ -45,7 +45,8 @@ def claimed(records: Iterable[Record], scene: Scene, again: Container[int] = ())
 
 
 class Record:
-    """What one run says of its data set, beside what the directory says. Thread: one at a time."""
+    """Description that one run gives of its data set, beside the one in the directory. Thread: one
+    at a time."""
 
     def __init__(self, folder: Folder, description: Mapping[str, Any]) -> None:
         self.folder = folder
@@ -82,8 +83,8 @@ class Record:
             self.count()
 
     def leave(self) -> None:
-        """At the end of a run. A data set that it began, and that has no image yet, is none, unless
-        another run is under way."""
+        """Ends a run. Withdraws a data set that it began and that has no image yet, unless another
+        run is under way."""
         with self.folder.alone():
             self.folder.exit()
             if self._made and not self.folder.has_files() and not self.folder.has_images():
@@ -97,8 +98,8 @@ class Record:
         self._compare(old, told)
 
     def count(self) -> int:
-        """Of how many images the data set is now: those that were asked for last are most. To be
-        called while alone()."""
+        """Raises the number of images to that of this run, if it is larger, and returns it. Call
+        while alone()."""
         old = self.folder.description
         if self._new["count"] > old["count"]:
             self.folder.put(f"{NAME}/dataset.json", _text({**old, "count": self._new["count"]}))
@@ -148,7 +149,7 @@ class Record:
             return True
 
     def _publish_folder(self, draft: Path) -> bool:
-        """The same without hard links: a folder takes a name that no folder with files has. It is
+        """Publishes without hard links: a folder takes a name that no folder with files has. It is
         not withdrawn."""
         box, claim = draft.with_name(f"{draft.name}.box"), self.folder.own / "claim"
         box.mkdir()
@@ -178,7 +179,7 @@ def _text(description: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no word for."""
+    """Plain value for JSON: the dict of a dataclass, else its repr()."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return dataclasses.asdict(value)
     return repr(value)

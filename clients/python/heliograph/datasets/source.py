@@ -30,8 +30,8 @@ class Drawn(NamedTuple):
 
 @contextmanager
 def naming(index: int) -> Iterator[None]:
-    """Puts the image's number in front of what is raised; what is none of ours becomes the cause of
-    a RuntimeError."""
+    """Puts the image's number in front of errors; a foreign one becomes the cause of a
+    RuntimeError."""
     try:
         yield
     except HeliographError as error:
@@ -42,9 +42,9 @@ def naming(index: int) -> Iterator[None]:
 
 
 class Source:
-    """What draw number i of a seed looks like, in the scene as it is now. Thread: any; the
-    randomizer and `accept` are called one at a time. Arguments are those of generate(); is_kept
-    says of a SHA-256 whether the bytes that a randomizer uploads are not wanted."""
+    """Source of draws: number i of a seed, in the scene as it is now. Thread: any; the randomizer
+    and `accept` are called one at a time. Arguments are as of generate(); is_kept(SHA-256) is True
+    for bytes that the data set holds, which no upload needs to carry."""
 
     def __init__(
         self,
@@ -105,12 +105,12 @@ class Source:
     def frames(
         self, index: int, edit: Edits, cameras: Sequence[Handle], **options: Any
     ) -> list[Frame]:
-        """One a camera, of a draw and its overlay. options: planes and labels."""
+        """Renders a draw and its overlay: one frame per camera. options: planes and labels."""
         seed = render_seed(self.seed, index)
         return self._render(cameras, overlay=edit, seed=seed, **options, **self._options)
 
     def stop(self) -> None:
-        """Cancels what is under way; what comes later, too."""
+        """Cancels the jobs under way, and any later one."""
         self._stopped = True
         for cancel in list(self._cancels):
             cancel()

@@ -1,4 +1,4 @@
-"""Which split an image belongs to. Used by generate()."""
+"""Splits: the one of each image follows from its index. Used by generate()."""
 
 from __future__ import annotations
 

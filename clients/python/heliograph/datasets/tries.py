@@ -1,4 +1,4 @@
-"""What is raised when something was tried as often as it may be. Used by draws and randomizers."""
+"""Error after the last attempt of a draw or randomizer. Used by both."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from ..errors import ResourceExhausted
 
 
 def gave_up(message: str, field: str, tries: int) -> ResourceExhausted:
-    """The message, with what was tried and one more as available and needed."""
+    """Error with the message; `allowed` is the number of tries, `needed` one more."""
     return ResourceExhausted(message, field=field, needed=tries + 1, allowed=tries)

@@ -1,5 +1,5 @@
-"""What overlays name by hash: kept with a data set, and brought to the daemon that renders an image
-again. Used by generate() and KeptImage."""
+"""Uploads that overlays name by hash: kept with a data set, and brought to the daemon that renders
+an image again. Used by generate() and KeptImage."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _Answer = TypeVar("_Answer")
 
 
 class Uploads:
-    """Bytes that one draw uploads, until it is known whether its overlay names them: a rejected
-    draw leaves nothing. Thread: one at a time."""
+    """Bytes that one draw uploads, held until its overlay is accepted: a rejected draw leaves
+    nothing. Thread: one at a time."""
 
     def __init__(self, is_kept: Callable[[bytes], bool]) -> None:
         self._is_kept = is_kept
@@ -37,7 +37,7 @@ class Uploads:
             self._blobs[digest] = bytes(data)
 
     def keep(self, folder: Folder, names: Iterable[bytes], store: Store) -> None:
-        """Keeps what an overlay names: its blobs, and the files that the daemon decoded for it."""
+        """Keeps the blobs that an overlay names, and the files that the daemon decoded for it."""
         for digest in names:
             if digest in self._blobs:
                 folder.keep_blob(digest, self._blobs[digest])
@@ -66,13 +66,13 @@ def _unchanged(path: Path, file: service.BundleFile) -> bytes:
 
 
 class Kept:
-    """What a data set keeps of its overlays, for a daemon that renders images again."""
+    """Uploads that a data set keeps of its overlays, for a daemon that renders images again."""
 
     def __init__(self, folder: Folder, client: Client) -> None:
         self._folder, self._client = folder, client
 
     def bring(self, overlay: pb.Transaction) -> None:
-        """Gives the daemon what an overlay names, as far as it is kept."""
+        """Gives the daemon the uploads that an overlay names, as far as they are kept."""
         for digest in named(overlay):
             self._send(digest, self._client.store.blob)
 
@@ -84,7 +84,7 @@ class Kept:
         return self._send(digest, lambda data, name: self._client.store.send_again(name, data))
 
     def _send(self, digest: bytes, send: Callable[[bytes, bytes], Any]) -> bool:
-        """Sends what a hash is of; whether it is kept."""
+        """Sends the bytes or files of a hash; True if they are kept."""
         data, decoding = self._folder.blob(digest), self._folder.decoding(digest)
         if data is not None:
             send(data, digest)

@@ -1,4 +1,4 @@
-"""Writer: what puts images into files; and what it gets. The base of every format."""
+"""Writer, the base of every format, which puts images into files; and its arguments."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Image:
-    """What Writer.write gets. index: in the data set; frame: its hg.Frame with planes and labels;
-    split: "train", "val", ..., or ""; overlay: what was drawn, None: nothing."""
+    """Argument of Writer.write. index: in the data set; frame: its hg.Frame with planes and labels;
+    split: "train", "val", ..., or ""; overlay: the draw, None without one."""
 
     index: int
     frame: Frame
@@ -35,13 +35,13 @@ class Image:
 
     @property
     def name(self) -> str:
-        """ "000123": what its files are called."""
+        """Name of its files, "000123"."""
         return name_of(self.index)
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """What Writer.begin gets. scene: as it is without randomizers; cameras: handles; count: of
+    """Argument of Writer.begin. scene: without the overlay of a draw; cameras: handles; count: of
     images; seed; splits: their names, () without any; categories: class id to name."""
 
     scene: Scene
@@ -57,7 +57,7 @@ class Dataset:
         return self.cameras[index % len(self.cameras)]
 
     def lens_of(self, image: Image) -> Camera:
-        """What it was, at its calibrated size, as the overlay left it."""
+        """Camera of an image, at its calibrated size, as the overlay left it."""
         handle = self.camera_of(image.index)
         edits = () if image.overlay is None else image.overlay.transaction.edits
         for edit in reversed(edits):
@@ -71,7 +71,7 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Picture:
-    """How the 8-bit sRGB picture of an image is made.
+    """Options for the 8-bit sRGB picture of an image.
 
     format: "png" or "jpg". exposure: stops, or "auto", for each picture its own. view: "standard",
     "filmic" or "agx". plane: "beauty", "denoised" or "sensor_rgb". quality: of "jpg", 1 to 95.
@@ -91,7 +91,7 @@ class Picture:
 
     @property
     def planes(self) -> tuple[str, ...]:
-        """What has to be rendered for it."""
+        """Planes to render for the picture."""
         return tuple(dict.fromkeys((self.plane, "beauty")))
 
     def pixels(self, frame: Frame) -> NdArray:
@@ -129,15 +129,15 @@ class Records:
                 yield index, kept["record"]
 
     def of_split(self, split: str) -> Records:
-        """Those of one split alone."""
+        """Records of one split alone."""
         return Records(self._folder, self._count, split)
 
 
 class Writer(ABC):
     """Puts images into files below a directory. Derive from it: docs/datasets.md, "A writer".
 
-    planes, labels: what it needs rendered, as of Scene.render; a class or an instance may set them.
-    Public attributes say which data set this is: one that has others is refused on resuming.
+    planes, labels: to render for it, as of Scene.render; a class or an instance may set them.
+    Public attributes identify the data set: a run with other values is refused on resuming.
     """
 
     planes: tuple[str, ...] = ("beauty",)
@@ -152,7 +152,7 @@ class Writer(ABC):
 
     @property
     def picture_planes(self) -> tuple[str, ...]:
-        """What has to be rendered for the picture."""
+        """Planes to render for the picture; () without one."""
         return self.picture.planes if self.picture else ()
 
     @property
@@ -161,7 +161,7 @@ class Writer(ABC):
 
     @property
     def folder(self) -> Folder:
-        """What it keeps in DIR/.heliograph."""
+        """Folder DIR/.heliograph of the data set."""
         return self._folder
 
     @property
@@ -176,7 +176,7 @@ class Writer(ABC):
 
     @property
     def dataset(self) -> Dataset:
-        """What begin() got."""
+        """Data set given to begin()."""
         return self._dataset
 
     @abstractmethod
@@ -185,18 +185,19 @@ class Writer(ABC):
         has. Called by several threads at once, for different images in any order."""
 
     def finish(self, records: Records) -> None:  # noqa: B027, not every format has such files
-        """Called when all images are there, by whoever made the last one, perhaps again: writes
-        what is of the whole data set, from the records alone."""
+        """Writes the files of the whole data set, from the records alone. Called when all images
+        are there, by the run that made the last one, perhaps again."""
 
     def end(self) -> None:  # noqa: B027, few writers hold anything
-        """Called when generate() ends, also by an error: gives back what begin() took."""
+        """Called when generate() ends, also by an error: releases the resources of begin()."""
 
     def put(self, name: str | Path, data: bytes | str) -> None:
         """Writes DIR/name: whole or not at all."""
         self._folder.put(name, data)
 
     def file(self, name: str | Path) -> contextlib.AbstractContextManager[Path]:
-        """`with self.file("a.exr") as path:` the same for what is written by others to a path."""
+        """`with self.file("a.exr") as path:` does the same for a file that other code writes to a
+        path."""
         return self._folder.file(name)
 
     def put_picture(self, image: Image, below: str = "images") -> str:

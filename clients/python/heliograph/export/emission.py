@@ -15,7 +15,8 @@ from .world import Entity, World, key_of
 
 @dataclass(frozen=True)
 class Emission:
-    """Of each point of a mesh: W sr^-1 m^-2, by colour; use: a texture that multiplies it."""
+    """Light that each point of a mesh gives off: W sr^-1 m^-2, by colour; use: a texture that
+    multiplies it."""
 
     radiance: tuple[float, float, float]
     two_sided: bool
@@ -25,7 +26,7 @@ class Emission:
 def emission_of(
     world: World, entity: Entity, poses: Poses, geometries: Geometries
 ) -> Emission | None:
-    """What an entity's light makes its mesh give off; None: nothing."""
+    """Emission of the mesh of an entity with a light; None: it gives off nothing."""
     mesh = key_of(entity.message.mesh)
     if mesh is None or not entity.message.HasField("light"):
         return None
@@ -41,7 +42,7 @@ def emission_of(
 
 
 def lit(world: World, look: Look, emission: Emission) -> Look:
-    """A look with that light; what both give off adds up, where neither has a texture."""
+    """Look with that light; both emissions add up, where neither has a texture."""
     total, use = np.array(emission.radiance), emission.use
     if look.emits:
         own = look["emission"], look["emission_strength"]

@@ -45,7 +45,7 @@ class Geometry:
 
     @cached_property
     def keyed_normals(self) -> NdArray | None:
-        """(K, V, 3) of length 1; what has no direction gets that of its faces."""
+        """Normals (K, V, 3) of length 1; a vertex without a direction gets that of its faces."""
         found = self._array("normals")
         if found is None:
             return None
@@ -91,13 +91,13 @@ class Geometry:
 
     @cached_property
     def influences(self) -> tuple[NdArray, NdArray] | None:
-        """(V, 4) joints, each once a vertex, uint16, and their float32 weights, which sum to 1."""
+        """(V, 4) uint16 joints, each once per vertex, and their float32 weights, of sum 1."""
         joints, weights = self._array("joints"), self._array("weights")
         return None if joints is None or weights is None else _merged(joints, weights)
 
     @cached_property
     def morphs(self) -> NdArray:
-        """(T, V, 3) what targets add to positions."""
+        """(T, V, 3) offsets of positions by morph targets."""
         found = self._array("morph_positions")
         return np.zeros((0, *self.keyed.shape[1:]), "f4") if found is None else found
 
@@ -140,7 +140,7 @@ class Geometries:
 
 
 def _unit(normals: NdArray, points: NdArray, indices: NdArray) -> NdArray:
-    """(V, 3) of length 1; what has none is the mean of the faces about it."""
+    """Normals (V, 3) of length 1; a vertex without one gets the mean of the faces about it."""
     lengths = np.linalg.norm(normals, axis=1)
     lost = lengths < _SHORT
     if lost.any():
@@ -161,7 +161,7 @@ def _face_means(points: NdArray, indices: NdArray) -> NdArray:
 
 
 def _merged(joints: NdArray, weights: NdArray) -> tuple[NdArray, NdArray]:
-    """Weights of one joint added up; what has no weight is joint 0."""
+    """Adds up the weights of one joint; joints without weight become joint 0."""
     summed, kept = weights.astype("f8"), joints.copy()
     for i in range(4):
         for j in range(i + 1, 4):

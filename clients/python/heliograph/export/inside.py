@@ -1,4 +1,4 @@
-"""What stands for light that travels inside bodies, in files that cannot say it."""
+"""Replacement for light that travels inside bodies, in files that cannot say it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .world import World
 
 
 def without_inside(world: World, look: Look) -> Look:
-    """With the share of subsurface_color in base_color that light from inside has."""
+    """Look with subsurface_color mixed into base_color, by the share of light from inside."""
     share = look.number("subsurface")
     base, inside = look["base_color"], look["subsurface_color"]
     if share == 0 or base.use or inside.use:

@@ -1,6 +1,6 @@
-"""What lights give off, in radiance and candela. Used by the writers of files.
+"""Radiance and candela of lights. Used by the writers of files.
 
-As the daemon works it out from the units of docs/lights.md.
+The daemon derives the same from the units of docs/lights.md.
 """
 
 from __future__ import annotations
@@ -89,8 +89,7 @@ def _lobe(x: NdArray, mean: float, below: float, above: float) -> NdArray:
 
 @dataclass(frozen=True)
 class Extent:
-    """What a radiance of 1 makes of a light in the world: flux [W], intensity along its axis
-    [W/sr]."""
+    """Flux [W] and intensity along the axis [W/sr] of a light in the world with radiance 1."""
 
     flux: float
     intensity: float
@@ -108,7 +107,7 @@ def mesh_extent(area: float, two_sided: bool) -> Extent:
 
 
 def shape_extent(lamp: Lamp, world: NdArray) -> Extent:
-    """Of a sphere, disc or rectangle under (4, 4) world_from_light."""
+    """Extent of a sphere, disc or rectangle under (4, 4) world_from_light."""
     flux_share, axis_share = _cone_integrals(lamp.message) if lamp.has_cone else (0.0, 0.0)
     if lamp.shape == "sphere":
         area = _ellipsoid_area(world[:3, :3] * lamp.size("radius"))
@@ -156,7 +155,7 @@ def radiance(lamp: Lamp, extent: Extent) -> NdArray:
 
 
 def irradiance(lamp: Lamp) -> NdArray:
-    """(3,) W m^-2 of a sun, on what faces it."""
+    """(3,) W m^-2 of a sun, on a surface that faces it."""
     if lamp.unit in ("irradiance", "illuminance"):
         return lamp.strength()
     share: Any = math.pi * math.sin(0.5 * lamp.message.sun_angle) ** 2

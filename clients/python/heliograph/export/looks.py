@@ -11,7 +11,7 @@ from .._wire._proto import scene_pb2 as pb
 from .._wire.arrays import NdArray
 from .world import World, key_of
 
-# What material.proto says of parameters whose default is not 0.
+# Defaults of material.proto that are not 0.
 _DEFAULTS: dict[str, float] = {
     **{"base_color": 0.8, "roughness": 0.5, "specular": 1.0, "specular_color": 1.0, "ior": 1.5},
     **{"emission_strength": 1.0, "alpha": 1.0, "sheen_color": 1.0, "sheen_roughness": 0.5},
@@ -26,7 +26,7 @@ _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True)
 class Use:
-    """How a texture is looked up: (texel[channel] scale + offset), at uv (2, 3) times (u, v, 1)."""
+    """Lookup of a texture: (texel[channel] scale + offset), at uv (2, 3) times (u, v, 1)."""
 
     texture: int
     channel: int = 0
@@ -37,13 +37,13 @@ class Use:
 
     @property
     def is_turned(self) -> bool:
-        """Whether its coordinates are not those of the mesh."""
+        """True if its coordinates are not those of the mesh."""
         return self.uv != _IDENTITY
 
 
 @dataclass(frozen=True)
 class Field:
-    """A parameter: a number or (3,) colour, times what a texture gives, if any."""
+    """A parameter: a number or (3,) colour, times a texture's value, if any."""
 
     value: Any
     use: Use | None = None
@@ -55,7 +55,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Look:
-    """A material. fields: all its parameters. maps: normals and heights, those that it has."""
+    """A material. fields: all its parameters. maps: the normal and height maps that it has."""
 
     name: str
     fields: dict[str, Field]
@@ -82,7 +82,7 @@ class Look:
 
 
 def look_of(world: World, name: str, message: pb.Material) -> Look:
-    """Of a Material, which has what is not its default."""
+    """Look of a Material message, which holds only parameters that are not the default."""
     fields, maps = {}, {}
     for field in pb.Material.DESCRIPTOR.fields:
         kind = field.message_type.name if field.message_type is not None else ""
@@ -113,7 +113,7 @@ def _field(world: World, message: pb.Material, name: str) -> Field:
 
 
 def use_of(world: World, message: pb.TextureUse) -> Use | None:
-    """Of a TextureUse; None: it has no texture."""
+    """Lookup of a TextureUse; None: it has no texture."""
     texture = key_of(message.texture)
     if texture is None:
         return None
@@ -140,7 +140,7 @@ class Picture:
 
     @property
     def layout(self) -> tuple[Any, ...]:
-        """How it lies on a surface, but for its coordinates."""
+        """Sampling apart from the coordinates: wrap, nearest."""
         return self.wrap, self.nearest
 
     @property
@@ -170,7 +170,7 @@ class Picture:
         return out
 
     def values(self, use: Use, is_color: bool) -> NdArray:
-        """(H, W) or (H, W, 3): what a use of it gives."""
+        """Values (H, W) or (H, W, 3) that a use of the texture gives."""
         rgba = self.rgba()
         texels = rgba[..., :3] if is_color else rgba[..., use.channel]
         return texels * np.float32(use.scale) + np.float32(use.offset)

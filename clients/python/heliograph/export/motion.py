@@ -16,8 +16,8 @@ _SHEAR = 1e-5  # of the longest axis: less is rounding
 
 @dataclass(frozen=True)
 class Track:
-    """An entity's pose, relative to its parent, at K times (seconds), and what the poses between
-    are mixed of. K is 1: it stands still.
+    """An entity's poses relative to its parent at K times (seconds), and their parts for
+    interpolation. K is 1: it stands still.
 
     matrices: (K, 4, 4). translations: (K, 3), metres. rotations: (K, 4) w x y z, neighbours on the
     shorter arc. stretches: (K, 3, 3), symmetric.
@@ -40,7 +40,7 @@ class Track:
 
     @property
     def is_sheared(self) -> bool:
-        """Whether translation, rotation and scale alone do not make it."""
+        """True if translation, rotation and scale alone do not make the motion."""
         off = self.stretches - self.scales[:, :, None] * np.eye(3)
         return bool(np.abs(off).max() > _SHEAR * np.abs(self.stretches).max())
 

@@ -1,4 +1,4 @@
-"""What neither format can say of an entity. Used by the writers of files."""
+"""Notes on properties of entities that neither format has. Used by the writers of files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .world import Entity, World, key_of
 
 
 def note_lamp(world: World, entity: Entity, lamp: Lamp) -> None:
-    """Of a light with a shape, or a sun."""
+    """Notes properties that are left out of a light with a shape, or a sun."""
     if key_of(lamp.message.profile) is not None:
         world.notes.add(entity.title, "the profile of a light is left out")
     if key_of(lamp.message.texture.texture) is not None:
@@ -26,7 +26,8 @@ def note_camera(world: World, entity: Entity, camera: Camera) -> None:
 
 
 def note_rest(world: World, entity: Entity, is_seen: bool) -> None:
-    """What every entity may have. is_seen: the file has something there that rays meet."""
+    """Notes properties that are left out of any entity. is_seen: the file has something there that
+    rays meet."""
     message = entity.message
     if key_of(message.volume) is not None:
         world.notes.add(entity.title, "volumes are left out")

@@ -34,7 +34,7 @@ class Entity:
 
     @property
     def is_hidden(self) -> bool:
-        """By itself; what is above it may hide it, too."""
+        """True if the entity is hidden by itself; one above may hide it, too."""
         return self.message.HasField("visible") and not self.message.visible
 
     @property
@@ -69,8 +69,8 @@ class Dome:
 
 @dataclass
 class World:
-    """All of a scene, by keys. entities: parents before their children. time: seconds. notes: what
-    a file cannot say."""
+    """Scene by keys. entities: parents before their children. time: seconds. notes: features that a
+    file lacks."""
 
     name: str
     blobs: dict[bytes, bytearray]
@@ -97,21 +97,21 @@ class World:
         return {key for skin in skins for key in map(key_of, skin.joints) if key is not None}
 
     def is_skin_alone(self, entity: Entity) -> bool:
-        """Whether nothing of an entity depends on its own pose."""
+        """True if nothing of an entity depends on its own pose."""
         message = entity.message
         others = any(message.HasField(name) for name in ("camera", "light", "portal"))
         is_needed = entity.children or others or entity.key in self.joints
         return entity.is_mesh and message.HasField("skin") and not is_needed
 
     def shows(self, entity: Entity) -> bool:
-        """Whether neither it nor what is above it is hidden."""
+        """True if neither the entity nor one above it is hidden."""
         while not entity.is_hidden and entity.parent is not None:
             entity = self.entities[entity.parent]
         return not entity.is_hidden
 
 
 def read(name: str, chunks: Iterable[service.SceneChunk]) -> World:
-    """Of the answer to an ExportScene."""
+    """World of the answer to an ExportScene."""
     header, blobs = _received(chunks)
     world = World(name, blobs)
     found: dict[int, Entity] = {}
@@ -143,7 +143,7 @@ def _received(chunks: Iterable[service.SceneChunk]) -> tuple[Any, dict[bytes, by
 
 
 def _take(world: World, found: dict[int, Entity], number: int, edit: pb.Edit) -> None:
-    """An object that an edit makes, or what it adds to one."""
+    """Takes an object that an edit makes, or the components that it adds to one."""
     kind = edit.WhichOneof("action")
     if kind == "settings":
         world.time = edit.settings.time

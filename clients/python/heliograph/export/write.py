@@ -28,7 +28,8 @@ def checked_path(path: str | os.PathLike[str]) -> Path:
 
 
 def write(path: Path, name: str, chunks: Iterable[service.SceneChunk]) -> None:
-    """All or nothing: the file takes its name when it is complete. Warns of what it cannot say."""
+    """Writes a .glb or .usdz file. Names it only once it is complete. Warns of features that the
+    format lacks."""
     if path.suffix.lower() == ".usdz":
         needed("pxr", "writing .usdz files needs", "usd")
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")

@@ -1,1 +1,1 @@
-"""Pictures: view transforms, drawings on frames, files, what notebooks show."""
+"""Pictures: view transforms, drawings on frames, files, HTML for notebooks."""

@@ -98,7 +98,7 @@ class Canvas:
         self._draw.rectangle((x0, y0, x1 - 1, y1 - 1), outline=(*color, 255), width=width)
 
     def dashes(self, box: Sequence[float], color: Color) -> None:
-        """The same with a dashed line."""
+        """Draws a box with a dashed line."""
         x0, y0, x1, y1 = (float(v) for v in box)
         dash = 5 * self.stroke / self.scale
         for a, b in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)),

@@ -35,7 +35,7 @@ class Row:
 
 
 class Drawing:
-    """What the layers share: the frame, the canvas, and the instances that were chosen."""
+    """State that the layers share: the frame, the canvas, and the chosen instances."""
 
     def __init__(self, frame: Frame, canvas: Canvas, only: Any, skeleton: Sequence[Any]) -> None:
         self.frame = frame
@@ -112,7 +112,7 @@ def _outlines(d: Drawing) -> None:
 
 
 def _amodal(d: Drawing) -> None:
-    """The whole silhouette's edge; what is hidden of it is tinted where instance is known."""
+    """Edge of the whole silhouette; its hidden part is tinted where the plane instance is there."""
     d.column("amodal", "amodal_masks", 'labels={"amodal_masks": True}')
     for row in d.rows("amodal"):
         mask = d.frame.amodal_mask(row.label)

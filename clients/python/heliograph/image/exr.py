@@ -19,8 +19,9 @@ _VECTOR = "XYZW"
 
 
 def write(path: Path, frame: Frame) -> None:
-    """One part a plane, named as the plane: linear data, zip-compressed. Each part's header has
-    `unit`; the first one's also the manifest, the camera and the labels' id tables, as JSON."""
+    """Writes one part per plane, named as the plane: linear data, zip-compressed. Each part's
+    header has `unit`; the first one's also the manifest, the camera and the labels' id tables, as
+    JSON."""
     exr = openexr()
     parts: list[Any] = []
     for name in frame.planes:

@@ -1,4 +1,4 @@
-"""What a notebook shows of frames and scenes. Called by their _repr_html_."""
+"""HTML of frames and scenes for notebooks. Called by their _repr_html_."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _ROWS = 500  # of a tree in a notebook; text has all
 
 
 def html_of_frame(frame: Frame) -> str:
-    """The picture of its first plane, exposed by itself, and a line of what it is."""
+    """Picture of the frame's first plane, automatically exposed, and a line that describes it."""
     host = frame.cpu()
     said = (
-        f"{frame.width} x {frame.height}, {frame.samples} samples a pixel, camera "
+        f"{frame.width} x {frame.height}, {frame.samples} samples per pixel, camera "
         f"{frame.camera or '?'}, revision {frame.revision}, seed {frame.seed}"
     )
     figure = ""
@@ -43,7 +43,7 @@ class Tree:
             self.children.setdefault(found.parent, []).append(found)
 
     def text(self) -> str:
-        """One line each, indented."""
+        """Lists the objects, one per line, indented."""
         lines: list[str] = []
 
         def add(found: Any, depth: int) -> None:
@@ -56,7 +56,7 @@ class Tree:
         return "\n".join(lines)
 
     def html(self) -> str:
-        """Nested, what has children folds; a long one is cut, and says so."""
+        """Nested list whose parents fold; a long one is cut, and says so."""
         self._left = _ROWS
         body = "".join(self._html(found) for found in self.children.get(0, ()))
         total = sum(len(listed) for listed in self.children.values())

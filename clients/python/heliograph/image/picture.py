@@ -26,7 +26,8 @@ class Picture(np.ndarray[Any, np.dtype[np.uint8]]):
 
     @classmethod
     def of(cls, pixels: Any) -> Picture:
-        """The same bytes; InvalidArgument for what is no such array."""
+        """Picture with the same bytes. InvalidArgument unless uint8 (H, W), (H, W, 3) or (H, W,
+        4)."""
         array = np.asarray(pixels)
         shaped = array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (3, 4))
         if array.dtype != np.uint8 or not shaped or 0 in array.shape:
@@ -44,7 +45,7 @@ class Picture(np.ndarray[Any, np.dtype[np.uint8]]):
         return Image.fromarray(np.array(self))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes .png, .jpg or what else Pillow knows by the name's ending."""
+        """Writes a .png, .jpg or another format of Pillow, by the name's ending."""
         target = Path(path)
         picture = self.pil()
         try:
@@ -57,13 +58,14 @@ class Picture(np.ndarray[Any, np.dtype[np.uint8]]):
         return target
 
     def png(self) -> bytes:
-        """As a PNG file."""
+        """Encodes a PNG file."""
         out = io.BytesIO()
         self.pil().save(out, "PNG", compress_level=3)
         return out.getvalue()
 
     def show(self) -> None:
-        """In a notebook below the cell, else in a window of the desktop's viewer.
+        """Shows the picture: in a notebook below the cell, else in a window of the desktop's
+        viewer.
 
         FailedPrecondition where there is neither.
         """

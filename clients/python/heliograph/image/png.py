@@ -1,4 +1,4 @@
-"""PNG files of 8 and 16 bits: what Pillow does not write is a colour picture of 16 bits."""
+"""PNG files of 8 and 16 bits: Pillow does not write colour pictures of 16 bits."""
 
 from __future__ import annotations
 

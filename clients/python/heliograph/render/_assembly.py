@@ -45,7 +45,7 @@ class Assembly:
         return self.add_part(render_pb.FramePart.FromString(data))
 
     def add_part(self, part: render_pb.FramePart) -> render_pb.Progress | Rendered | None:
-        """The same with a message."""
+        """Takes a part that is a message, as add() takes one that is bytes."""
         kind = part.WhichOneof("part")
         if kind == "progress":
             return part.progress

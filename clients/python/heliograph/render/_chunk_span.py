@@ -1,4 +1,4 @@
-"""Where the pixels lie in a serialised chunk of a frame. Used by call.py."""
+"""Span of the pixels in a serialised chunk of a frame. Used by call.py."""
 
 from __future__ import annotations
 

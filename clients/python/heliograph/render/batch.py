@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Job:
-    """One item of Scene.render_batch: cameras (one or several), any `tag`, and the options of
+    """Item of Scene.render_batch: cameras (one or several), any `tag`, and the options of
     Scene.render but progress, on_pass, on_start and timeout; or `worlds` and `mask` of
     Scene.render_worlds too."""
 
@@ -50,8 +50,8 @@ class Job:
 
 @dataclass
 class Result:
-    """What became of a Job: its tag, and its frames in the order of its cameras, of worlds one
-    WorldFrame, or its error."""
+    """Result of a Job: its tag, and its frames in the order of its cameras (one WorldFrame for
+    worlds), or its error."""
 
     tag: Any
     frames: list[Any] = field(default_factory=list)
@@ -135,8 +135,8 @@ class _Batch:
 
 
 class Results:
-    """Iterates over Results as they are done. close(), from any thread, cancels what is under way;
-    so does letting go of it."""
+    """Iterates over Results as they are done. close(), from any thread, cancels the jobs under way;
+    so does letting go of the iterator."""
 
     def __init__(
         self, scene: Scene, jobs: Iterable[Job], credits: int, timeout: float | None

@@ -36,15 +36,15 @@ class Options(TypedDict, total=False):
     """Keyword arguments of Scene.render."""
 
     planes: Sequence[str | tuple[str, Named]]  #: names, default ["beauty"]: docs/planes.md
-    half: Sequence[str | tuple[str, Named]]  #: those of `planes` that come as float16
-    spp: int  #: samples a pixel, at most
+    half: Sequence[str | tuple[str, Named]]  #: names among `planes` to send as float16
+    spp: int  #: samples per pixel, at most
     seconds: float  #: stops after so long
     noise: float  #: stops below this mean relative standard error
     size: tuple[int, int]  #: (width, height) pixels; default the camera's
     time: float  #: seconds, default the scene's
     label_time: float  #: seconds, of the labels; default time
     frame_interval: float  #: seconds to the other end of flow; default the last advance()
-    hold: bool  #: what has no keys there stands still
+    hold: bool  #: entities without keys there stand still
     seed: int  #: of the random numbers, 64 bits; default 0
     labels: bool | Sequence[str] | Mapping[str, Any]  #: True, or names: docs/python.md
     overlay: Edits | None  #: of Scene.overlay()
@@ -69,27 +69,27 @@ class Options(TypedDict, total=False):
 
 
 def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:
-    """One request; its final frames in the order of the cameras."""
+    """Sends one request; returns its final frames in the order of the cameras."""
     return run(scene, make_request(scene, cameras, options), options)
 
 
 def render_worlds(
     scene: Scene, cameras: Sequence[Named], worlds: Worlds, mask: Any, options: Options
 ) -> WorldFrame:
-    """One request; its one frame."""
+    """Sends one request; returns its one frame."""
 
     def ask() -> WorldFrame:
         request = make_request(scene, cameras, options)
         loan = worlds.put(request.worlds, scene.client.store, mask)
         frame: WorldFrame = _run(scene, request, options)[0]
-        del loan  # the daemon has read what it is of
+        del loan  # the daemon has read its arrays
         return frame
 
     return _completed(scene, [*worlds.sources, *_sources(options)], ask)
 
 
 def frame_count(request: render_pb.RenderRequest) -> int:
-    """How many frames answer it, each one final."""
+    """Number of final frames that answer a request."""
     return 1 if request.HasField("worlds") else len(request.cameras)
 
 
@@ -139,7 +139,7 @@ def _run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> li
 
 
 def _is_quick(request: render_pb.RenderRequest, options: Options) -> bool:
-    """Whether it is small, and nobody asks for what gRPC alone has: half planes travel as bytes."""
+    """True for a small request that needs nothing of gRPC alone: half planes travel as bytes."""
     if any(options.get(name) for name in ("on_start", "on_pass", "timeout", "half")):
         return False
     return request.ByteSize() < QUICK_BYTES
@@ -243,7 +243,7 @@ def _ref(thing: Named) -> types.Ref:
 
 def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
     """ "depth", "disparity:right", ("disparity", camera) or "beauty:GROUP"; "beauty:" is the group
-    of what has none."""
+    of lights without one."""
     if isinstance(plane, tuple):
         name, argument = plane
         grouped = name == "beauty"

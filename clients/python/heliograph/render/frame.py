@@ -1,5 +1,5 @@
-"""Frame: the planes and labels of one camera at one time; and what frames of many worlds have in
-common with it. Made by Scene.render."""
+"""Frame: the planes and labels of one camera at one time; and its common base with frames of many
+worlds. Made by Scene.render."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class Rendered:
         if isinstance(found, DeviceArray):
             raise FailedPrecondition(
                 f"{plane}: lies in the GPU's memory; frame.torch({plane!r}) is a tensor there, "
-                f"frame.on_device({plane!r}) what other libraries take, frame.cpu() a frame on the "
-                "host"
+                f"frame.on_device({plane!r}) an array for other libraries, frame.cpu() a frame "
+                "on the host"
             )
         return found
 
@@ -94,7 +94,7 @@ class Rendered:
             return torch.from_numpy(found)
 
     def cpu(self) -> Self:
-        """This frame on the host: a copy of what is on the GPU, else itself."""
+        """Copies a frame on the GPU to the host; returns a frame on the host itself."""
         if all(isinstance(array, np.ndarray) for array in self._planes.values()):
             return self
         arrays = [a.numpy() if isinstance(a, DeviceArray) else a for a in self._planes.values()]
@@ -162,15 +162,15 @@ class Rendered:
 
 
 class Frame(Rendered):
-    """One camera, one revision, one time: planes and labels of one job.
+    """Planes and labels of one camera at one revision and one time, from one job.
 
     frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it;
-    frame.torch("depth"): the same as a tensor. Of a frame with device="cuda", whose planes are in
-    the GPU's memory, there are tensors and on_device(); cpu() copies it.
+    frame.torch("depth"): the same as a tensor. A frame with device="cuda" has its planes in the
+    GPU's memory: use torch() and on_device() there; cpu() copies it.
     K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
     y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
     time, label_time: seconds; shutter: (open, close) relative to time. With a rolling shutter row y
-    is seen rolling * y / (H - 1) later, and poses are those of the middle (see row_times).
+    is seen rolling * y / (H - 1) later; poses are those at the middle of the rows (see row_times).
     """
 
     def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray | DeviceArray]) -> None:
@@ -181,7 +181,7 @@ class Frame(Rendered):
 
     @property
     def row_times(self) -> NdArray:
-        """(H,) seconds: when each row's labels were taken. Poses are those of their mean."""
+        """(H,) seconds: time of each row. The frame's poses are those at their mean."""
         steps = np.arange(self.height) / max(1, self.height - 1)
         return np.asarray(self.label_time + self.rolling * steps)
 
@@ -213,12 +213,12 @@ class Frame(Rendered):
         return Picture.of(tonemap.to_srgb8(rgb, self.stops(exposure), view))
 
     def relight(self, factors: Mapping[str, Any]) -> NdArray:
-        """(H, W, 4) float32: the beauty if the light groups were as many times as bright.
+        """Beauty (H, W, 4) float32 with the light groups scaled by `factors`.
 
-        factors: {group: number or (3,)}, >= 0; what is not named stays. Needs the planes "beauty"
-        and "beauty:GROUP" of each. Light is linear, so this is the picture that the same paths
-        would bring home from lights of those strengths, within rounding of the beauty. A new
-        render chooses its lights by the new strengths: it agrees in the mean, not in the noise.
+        factors: {group: number or (3,)}, >= 0; groups that are not named stay as they are. Needs
+        the planes "beauty" and "beauty:GROUP" of each. Light is linear, so this is the picture of
+        the same paths with lights of those strengths, within rounding of the beauty. A new render
+        chooses its lights by the new strengths: it agrees in the mean, not in the noise.
         """
         out = self["beauty"].astype(np.float64)
         for group, factor in factors.items():
@@ -231,7 +231,7 @@ class Frame(Rendered):
         return out.astype(np.float32)
 
     def stops(self, exposure: float | str) -> float:
-        """Stops of an exposure: a number of them, or "auto" for what suits the beauty."""
+        """Stops of an exposure: a number, or "auto" for stops that suit the beauty."""
         if exposure == "auto":
             beauty = self["beauty"]
             weight = beauty[..., 3]
@@ -265,7 +265,7 @@ class Frame(Rendered):
         if unit.startswith("W "):
             stops = self.stops(exposure) if "beauty" in self or exposure != "auto" else 0.0
             return tonemap.to_srgb8(data[..., :3], stops, view)
-        if plane == "sensor_depth":  # what is not measured, as what is infinitely far
+        if plane == "sensor_depth":  # shown as infinitely far where nothing was measured
             data = np.where(data > 0, data, np.inf)
         if data.ndim == 2:
             if unit in ("m", "px", "rays") or plane == "variance":
@@ -295,14 +295,14 @@ class Frame(Rendered):
         exposure: float | str = 0.0,
         view: str = "standard",
     ) -> Picture:
-        """(H, W, 3) uint8: the picture of a plane, default the beauty, with its labels drawn on it.
+        """Picture (H, W, 3) uint8 of a plane, default the beauty, with its labels drawn on it.
 
-        layers: default boxes and names. Of visible pixels "masks", "outlines", "boxes"; whole
-        silhouettes "amodal", "amodal_boxes"; in 3D "cuboids", "axes"; "keypoints", with lines
+        layers: default boxes and names. Visible pixels: "masks", "outlines", "boxes"; whole
+        silhouettes: "amodal", "amodal_boxes"; in 3D: "cuboids", "axes"; "keypoints", with lines
         between the pairs of names or numbers in `skeleton`; motion as arrows, "flow", or the key of
-        its colours, "wheel"; text "names", "categories". What a layer lacks is an InvalidArgument
-        that says how to render it. only: labels, names or categories to draw, default all. scale:
-        the picture is enlarged so many times, which leaves room for names on small ones.
+        its colours, "wheel"; text: "names", "categories". InvalidArgument names the planes and
+        labels that a layer needs. only: labels, names or categories to draw, default all. scale:
+        factor by which the picture is enlarged, so that names fit on small ones.
         """
         from ..image import annotate
 

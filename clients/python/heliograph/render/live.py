@@ -28,10 +28,10 @@ POLICIES = ("latest", "lossless")
 class Live:
     """Frames of a scene as it changes: `with scene.stream(cam) as live: for frame in live: ...`
 
-    Iterating gives the next Frame, and blocks until there is one; `.revision` says what it shows,
-    `.is_final` whether its refinement is over: the next one then comes with an update() or an edit.
-    Asking for the next frame returns the credit of the last one. Thread: one iterates, any may call
-    update(), finish() and close().
+    Iterating gives the next Frame, and blocks until there is one; `.revision` is the one it shows,
+    `.is_final` is True if its refinement is over: the next one then comes with an update() or an
+    edit. Asking for the next frame returns the credit of the last one. Thread: one iterates, any
+    may call update(), finish() and close().
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Live:
         self._options = options
         self._progressive = policy == "latest"
         self._policy, self._credits = policy, whole_of(credits, "credits", 1)
-        self._lock = threading.Lock()  # of what a new stream is begun with
+        self._lock = threading.Lock()  # guards the request that a new stream begins with
         self._is_refused = self._is_finished = self._is_closed = False
         self._begin()
 
@@ -78,8 +78,8 @@ class Live:
         return request
 
     def update(self, cameras: Any = None, **options: Unpack[call.Options]) -> None:
-        """Changes what is rendered from now on: other cameras, another overlay (None: none), any
-        option of Scene.render. What is not given stays."""
+        """Changes the request from now on: other cameras, another overlay (None: none), any option
+        of Scene.render. Omitted ones stay."""
         with self._lock:
             if cameras is not None:
                 self._cameras = cameras
@@ -87,7 +87,7 @@ class Live:
             self._outbox.put(service.StreamRequest(settings=self._settings()))
 
     def finish(self) -> None:
-        """No more updates: the iteration ends with the last frame of what was asked for."""
+        """Ends the iteration with the last frame asked for; takes no more updates."""
         with self._lock:
             self._is_finished = True
             self._outbox.put(None)
@@ -112,7 +112,8 @@ class Live:
             self._is_refused = False
 
     def _next(self) -> Frame:
-        """Of a new stream after one that was refused for an upload, which was sent again."""
+        """Next frame, of a new stream where the last one was refused for an upload, which was sent
+        again."""
         with self._lock:
             if self._is_refused and not self._is_closed:
                 self._begin()

@@ -34,14 +34,14 @@ class Meter:
 
     @property
     def is_on(self) -> bool:
-        """Whether it shows anything."""
+        """True if progress is shown or reported."""
         return self._callback is not None or self._wanted
 
     def __enter__(self) -> Meter:
         return self
 
     def update(self, message: Any) -> None:
-        """With a v1.Progress."""
+        """Shows or reports a v1.Progress."""
         if self._callback is not None:
             self._callback(
                 Progress(

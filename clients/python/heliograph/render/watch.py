@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class AppliedEdit:
-    """One edit of a Change.
+    """Edit of a Change.
 
     action: "entity", "mesh", "material", "texture", "volume", "remove", "instantiate", "instances",
     "poses", "settings", "advance" or "prune". name: of its target, "" where the edit has none or
     names it by its id. ids: (N,) uint64 of the objects that it put, made, moved or removed; those
-    of large arrays of poses are not told. fields: what it put, e.g. ("pose", "light"). message: the
-    Edit itself.
+    of large arrays of poses are not listed. fields: the components that it put, e.g. ("pose",
+    "light"). message: the Edit itself.
     """
 
     action: str
@@ -39,10 +39,10 @@ class AppliedEdit:
 
 
 class Change:
-    """A transaction of a scene, whoever sent it.
+    """Transaction of a scene, by any client.
 
-    revision: that it made. transaction: as it was sent; of an array that was uploaded only dtype
-    and shape. A bookmark (`.is_bookmark`) has none: nothing else happened up to its revision.
+    revision: the one it made. transaction: as it was sent; uploaded arrays have dtype and shape
+    only. A bookmark (`.is_bookmark`) has none: nothing else happened up to its revision.
     """
 
     def __init__(self, reply: service.WatchReply) -> None:
@@ -54,7 +54,7 @@ class Change:
 
     @property
     def edits(self) -> list[AppliedEdit]:
-        """What it did, in order."""
+        """Edits of the change, in order."""
         listed = self.transaction.edits
         out = []
         first = len(listed)  # of the further ids of the next edit
@@ -85,7 +85,7 @@ def _applied(edit: pb.Edit, ids: NdArray) -> AppliedEdit:
 
 
 def is_final(error: HeliographError) -> bool:
-    """Whether asking again is in vain: the private daemon died."""
+    """True if asking again is in vain: the private daemon died."""
     return isinstance(error, Unavailable) and error.exit_code is not None
 
 
@@ -124,7 +124,7 @@ class Watch:
         self.revision = next(self._replies).revision
 
     def _resume(self, first: int) -> None:
-        """The same, tried again while the daemon cannot be reached."""
+        """Opens the stream from a revision on, trying again while the daemon cannot be reached."""
         patience = Patience()
         while not self._closed:
             try:

@@ -29,8 +29,8 @@ _OWN = {"world", "camera", "keypoint_world", "keypoint_camera"}
 
 
 class Worlds:
-    """`count` copies of a scene, numbered from 0, for scene.render_worlds(). What they do not have
-    of their own they share, memory too; nothing is published.
+    """`count` copies of a scene, numbered from 0, for scene.render_worlds(). They share all that an
+    overlay or a pose does not change, memory too; nothing is published.
 
     World i is the scene with the call's overlay, then its row of set_transforms(), then worlds[i].
     """
@@ -65,8 +65,8 @@ class Worlds:
 
     def set_joints(self, robot: Robots, values: Any, *, clamp: bool = False) -> Worlds:
         """Moves the joints of a robot in each world, (N, C) in the order of robot.joint_names, or
-        of K robots with the same joints, (N, K, C); as set_transforms(), which it replaces. Of a
-        tensor of PyTorch poses are worked out where it is, and stay there on a GPU."""
+        of K robots with the same joints, (N, K, C); as set_transforms(), which it replaces. Values
+        in a tensor of PyTorch give poses on the tensor's device, which stay there on a GPU."""
         robots = listed(robot)
         shape = (self.count,) if isinstance(robot, Robot) else (self.count, len(robots))
         shape = (*shape, len(robots[0].joint_names))
@@ -89,7 +89,7 @@ class Worlds:
 
     @property
     def sources(self) -> list[Sources]:
-        """What their overlays name by hash."""
+        """Uploads and decodings that the worlds' overlays name by hash."""
         return [overlay.sources for overlay in self._overlays.values()]
 
     def put(self, message: pb.Worlds, store: Store, mask: Any) -> Loan | None:
@@ -139,7 +139,8 @@ class WorldFrame(Rendered):
         return from_message(self._header.worlds.seeds)
 
     def frame(self, world: int, camera: int = 0) -> Frame:
-        """One picture: of a world, by its number, through a camera, by its place in `cameras`."""
+        """Frame of a world, by its number, through a camera, by its index in `cameras`.
+        KeyError."""
         rows = np.flatnonzero(self.worlds == world)
         if not rows.size or not 0 <= camera < len(self.cameras):
             raise KeyError(f"there is no picture of world {world} through camera {camera}")

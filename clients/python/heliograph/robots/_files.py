@@ -18,8 +18,8 @@ _MESHES = {"mesh", "meshes", "assets"}
 
 
 class Files:
-    """What is read lies in the folder of the robot's file, in its package, or in one of
-    `packages`: folders by the names in package:// references."""
+    """Files of a robot: in the folder of the robot's file, in its package, or in one of `packages`:
+    folders by the names in package:// references."""
 
     def __init__(self, notes: Notes, packages: Mapping[str, str | os.PathLike[str]]) -> None:
         self.notes = notes
@@ -76,7 +76,7 @@ class Files:
 
     def _called(self, name: str) -> Iterator[Path]:
         """Packages of a name above the file, or within folders above it, and the file's own folder
-        and what is in it."""
+        and its folders."""
         for folder in (self.folder, *self.folder.parents):
             for found in (folder, folder / name):
                 is_own = folder == self.folder and found.is_dir()

@@ -22,8 +22,8 @@ _Made = TypeVar("_Made", Asset, Texture)
 
 
 class Library:
-    """roots: folders whose files may be read. warnings: what was left out of files that could not
-    be read, or that these say themselves."""
+    """Meshes and materials of a robot, each made once. roots: folders whose files may be read.
+    warnings: about files that could not be read, and of files themselves."""
 
     def __init__(self, roots: Sequence[Path]) -> None:
         self.roots = roots
@@ -54,7 +54,7 @@ class Library:
         return self.meshes[key]
 
     def material(self, edits: Edits, look: Look, prefix: str, strict: bool) -> Material:
-        """That of a look, called "<prefix>/material/<its name>"."""
+        """Material of a look, called "<prefix>/material/<its name>"; made once."""
         if look in self.materials:
             return self.materials[look]
         given: Any = {}
@@ -84,7 +84,8 @@ class Library:
         return assets.Source(file, up=up, folders=self.roots, strict=strict)
 
     def _made(self, file: Path, strict: bool, make: Callable[[], _Made]) -> _Made | None:
-        """What is made of a file, which is tried once; None: nothing can be."""
+        """Calls make() for a file, which is tried once; None: the file is faulty. strict: raises
+        instead."""
         if file in self._failed and not strict:
             return None
         try:

@@ -13,7 +13,7 @@ from .description import ONE_AXIS, Joint
 
 
 def settled(joints: Mapping[str, Joint], notes: Notes) -> list[Joint]:
-    """The same joints: those that follow one that never moves are fixed, where that puts them."""
+    """Joints of a robot, where each that follows one that never moves is fixed at its value."""
     return [_settled(joint, joints, notes) for joint in joints.values()]
 
 

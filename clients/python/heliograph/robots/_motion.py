@@ -18,11 +18,12 @@ _TOLERANCE = 1e-6  # of limits: values may come as float32
 
 
 class Motion:
-    """How M joints move with C values, a joint's from column `first[name]` on; a mimic's follow.
+    """Motion of M joints under C values, a joint's from column `first[name]` on; a mimic's follow.
 
     Angles and lengths are values @ weights + offsets, (C, M) and (M,).
     soft: values may be beyond the limits.
-    bounds: (C,) each: the limits, below and above, and what values may be without being clamped.
+    bounds: (C,) each: the lower and upper limit, and the least and largest value that is accepted
+    without clamping.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Motion:
         return sys.modules["torch"] if self._kind else np
 
     def on(self, values: Any) -> Motion:
-        """The same as tensors on the device of a tensor."""
+        """Motion as tensors on the device of `values`, where those are a tensor."""
         if not is_tensor(values):
             return self
         found = self._tensors.get(values.device)

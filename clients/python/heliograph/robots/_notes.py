@@ -1,4 +1,4 @@
-"""What is odd about a file of a robot: told, or refused. Used by urdf.py."""
+"""Faults in a robot's file: warnings, or errors where it is read strictly. Used by urdf.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FAULTS = (InvalidArgument, NotFound, Unimplemented)  # of files that the rest ca
 
 
 class Notes:
-    """strict: nothing is told; what would be is refused."""
+    """Warnings about a robot's file. strict: refuses the file instead."""
 
     def __init__(self, path: Path, strict: bool) -> None:
         self.path = path
@@ -30,7 +30,7 @@ class Notes:
             self.warnings.append(text)
 
     def leave_out(self, error: HeliographError) -> None:
-        """Does without what has a fault."""
+        """Warns of an element with a fault, which is left out; strict: raises."""
         if self.strict:
             raise error
         self.warn(f"{str(error).removeprefix(self._at())}; it is left out")

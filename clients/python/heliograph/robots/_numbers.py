@@ -17,8 +17,8 @@ _DECIMAL_COMMA = re.compile(r"\d,\d")
 
 
 class Numbers:
-    """Blanks or commas are between numbers. What follows one in its word, and more than are needed,
-    is passed over, and told."""
+    """Reader of numbers between blanks or commas. Warns of text behind a number in its word, and of
+    more numbers than are needed, and passes over them."""
 
     def __init__(self, notes: Notes) -> None:
         self.notes = notes

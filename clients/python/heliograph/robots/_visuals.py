@@ -1,4 +1,4 @@
-"""What is to be seen of the links of a URDF file. Used by urdf.py.
+"""Visuals of the links of a URDF file. Used by urdf.py.
 
 Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML/visual, version 1.0), and the
 capsule of PyBullet.
@@ -25,7 +25,7 @@ _SIZES = {
 }
 
 
-_FLAT = 1e-4  # of the largest scale: what is left of a scale of 0, as in glTF files
+_FLAT = 1e-4  # of the largest scale: stands for a scale of 0, as in glTF files
 _BRIGHTEST = 2  # a number of a color above it is one of 0 to 255
 
 
@@ -48,7 +48,8 @@ class Visuals:
                 self.looks.setdefault(look.name, look)
 
     def of(self, links: Mapping[str, Element]) -> dict[str, list[Visual]]:
-        """Those of each link that can be shown."""
+        """Visuals of each link that can be shown; collision shapes where the file has no
+        <visual>."""
         seen = any(link.find("visual") is not None for link in links.values())
         kind = "visual" if seen else "collision"
         found = {name: self._of(link, kind, f"link {name!r}") for name, link in links.items()}

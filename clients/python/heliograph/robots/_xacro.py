@@ -1,4 +1,4 @@
-"""What a template of URDF left in a file. Used by urdf.py.
+"""Remains of a URDF template (xacro) in a file. Used by urdf.py.
 
 Source: the xacro documentation of ROS (wiki.ros.org/xacro).
 """
@@ -20,7 +20,7 @@ _HARMLESS = ("xacro:property", "xacro:arg")  # they name values, which nothing a
 
 def settle(root: Element, notes: Notes) -> None:
     """Puts the default for $(optenv NAME default). Refuses a file whose links, joints or visuals
-    are still to be made; what is a template elsewhere is told."""
+    are still templates; warns of templates elsewhere."""
     read = list(_read(root))
     for element in read:
         for key, text in element.attrib.items():

@@ -78,8 +78,8 @@ def parse(text: bytes, where: str) -> Element:
 
 
 def _decoded(data: bytes) -> str:
-    """By a byte order mark or the width of letters, else as the document says of itself; what that
-    does not fit is UTF-8, or else Latin-1."""
+    """Text of a file: by its byte order mark or the width of letters, else by the encoding that the
+    document names; bytes that do not fit that are UTF-8, or else Latin-1."""
     for mark, name in _MARKS.items():
         if data.startswith(mark):
             return data.decode(name, "replace").removeprefix("\ufeff")

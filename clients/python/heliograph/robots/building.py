@@ -1,4 +1,4 @@
-"""Puts the entities of robots: of URDF files, and for mjcf/ what both share. Used by robot.py."""
+"""Puts the entities of robots: of URDF files, and the part that mjcf/ shares. Used by robot.py."""
 
 from __future__ import annotations
 
@@ -68,12 +68,13 @@ class Builder(ABC):
         self.robot.root = self.edits.entity(self.robot.name, exist_ok=False, **given)
 
     def _link_components(self, link: str) -> patches.Components:
-        """What a link's entity has besides its pose."""
+        """Components of a link's entity besides its pose."""
         return {}
 
     @abstractmethod
     def _put_visual(self, visual: Any, name: str, link: tuple[Entity, int]) -> None:
-        """One of model.visuals, beneath its link, whose part has a number."""
+        """Puts one of model.visuals beneath its link. link: the entity, and the number of its
+        part."""
 
     # ------------------------------------------------------------ keypoints
 
@@ -114,7 +115,7 @@ class Builder(ABC):
 
 @dataclass(frozen=True)
 class Options:
-    """Of import_urdf()."""
+    """Options of import_urdf()."""
 
     packages: Mapping[str, str | os.PathLike[str]]
     mesh_materials: bool

@@ -1,5 +1,4 @@
-"""A robot as its file describes it: links, joints and what is to be seen of them. Made by urdf.py
-and mjcf/."""
+"""A robot as its file describes it: links, joints and visuals. Made by urdf.py and mjcf/."""
 
 from __future__ import annotations
 
@@ -26,8 +25,8 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """What is to be seen of a link. shape: "box" (x, y, z), "cylinder" and "capsule" (radius,
-    length), "sphere" (radius,) or "mesh" (scale in x, y, z). origin: (4, 4) link_from_visual."""
+    """Visual of a link. shape: "box" (x, y, z), "cylinder" and "capsule" (radius, length), "sphere"
+    (radius,) or "mesh" (scale in x, y, z), metres. origin: (4, 4) link_from_visual."""
 
     shape: str
     size: tuple[float, ...]

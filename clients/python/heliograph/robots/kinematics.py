@@ -1,4 +1,4 @@
-"""Where the links of a robot are: joint values to matrices, for one set of values or many at once.
+"""Forward kinematics: joint values to the poses of links, for one set of values or many at once.
 Used by robots.py.
 
 Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML/joint, version 1.0).
@@ -32,12 +32,12 @@ _SHORTEST = 1e-9  # quaternion
 class Kinematics:
     """The joints of a robot as arrays.
 
-    joint_names: of the C columns of an array of values: joints in the file's order, but fixed ones
-    and those that mimic others. A planar joint has columns "<name>/x", "/y" (metres in the plane
-    across its axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz",
+    joint_names: of the C columns of an array of values: joints in the file's order, without fixed
+    ones and mimics. A planar joint has columns "<name>/x", "/y" (metres in the plane across its
+    axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz",
     a spherical one the last four.
-    limits: (C, 2). rest: (C,), that of the joints, or the limit next to it where limits are not
-    soft. moving: the M joints that are not fixed.
+    limits: (C, 2), radians or metres. rest: (C,), the joints' own, clamped to the limits unless
+    they are soft. moving: the M joints that are not fixed.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -110,8 +110,8 @@ class Kinematics:
 
     def values(self, given: Any, clamp: bool = False) -> Any:
         """(..., C) float64 of an array (C,) or (N, C), or of {name: number or (N,)}, whose other
-        joints rest; within the limits, and floating rotations of length 1. Of a tensor of PyTorch
-        a tensor on the same device, without a gradient."""
+        joints rest; within the limits, and floating rotations of length 1. A tensor of PyTorch
+        gives a tensor on the same device, without a gradient."""
         if is_tensor(given):
             return self._of_tensor(given, clamp)
         out = self._of_names(given) if isinstance(given, Mapping) else self._of_array(given)
@@ -137,7 +137,7 @@ class Kinematics:
         ).copy()
 
     def _of_tensor(self, given: Any, clamp: bool) -> Any:
-        """What is wrong with one is told of its copy on the host."""
+        """Reads a tensor of values. A faulty one raises the error of its copy on the host."""
         motion = self._motion.on(given)
         out = motion.constant(given.detach()).clone()
         low, high, below, above = motion.bounds
@@ -215,7 +215,8 @@ class Kinematics:
             )
 
     def moved_by(self, names: Sequence[str]) -> list[int]:
-        """Which of the moving joints columns or joints of these names move; mimics follow."""
+        """Indices of the moving joints that columns or joints of these names move; mimics follow.
+        InvalidArgument for some columns of a joint with several."""
         columns = [c for name in names for c in self._columns_of(name)]
         hit = self._motion.follows(columns)
         for i, joint in enumerate(self.moving):

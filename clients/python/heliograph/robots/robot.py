@@ -42,7 +42,7 @@ class Robot:
     parts: {link name: its number in the plane "part"}; link_of() turns these round.
     keypoints: the joints that labels report, and skeleton: pairs of them that are neighbours.
     moving: the M links below joints that are not fixed, as a Group.
-    warnings: what the file left open, what was left out, and links that alpha hides from labels.
+    warnings: gaps in the file, elements left out, and links that alpha hides from labels.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class Robot:
 
     @property
     def link_names(self) -> list[str]:
-        """Of the L links, parents first."""
+        """Names of the L links, parents first."""
         return list(self.kinematics.link_names)
 
     @property
     def joint_names(self) -> list[str]:
-        """Of the C columns of an array of values; see kinematics.Kinematics."""
+        """Names of the C columns of an array of values; see kinematics.Kinematics."""
         return list(self.kinematics.joint_names)
 
     @property
@@ -136,17 +136,17 @@ class RobotEdits:
         strict: bool = False,
         **components: Unpack[patches.Components],
     ) -> Robot:
-        """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>". Of
-        another Robot: places it again, with the same meshes and materials.
+        """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>". path:
+        another Robot is placed again, with the same meshes and materials.
 
         packages: folders by package name, for package:// references; the package that the file is
         in need not be named. keypoints: names of the joints that labels report, by default all.
-        mesh_materials: where a mesh has materials, they are kept; by default the URDF's come first.
-        strict: what is odd about the file, or missing of it, is refused; by default it is left out,
-        or taken for what was meant, and `warnings` of the robot say so.
+        mesh_materials: True keeps the materials of meshes that have some; by default the URDF's
+        come first. strict: refuses odd or missing parts of the file; by default they are left out
+        or repaired, with `warnings` of the robot.
         components: of the root, as edit.entity() takes them: transform, parent, category, ...
-        Refused: xacro, and a robot of which nothing may be read that is to be seen: files outside
-        the URDF's folder and packages are not (InvalidArgument, NotFound).
+        InvalidArgument or NotFound for xacro, and for a robot none of whose visuals can be read:
+        files outside the URDF's folder and packages are not.
         """
         options = Options(packages or {}, mesh_materials, strict)
         edits = cast("Edits", self)

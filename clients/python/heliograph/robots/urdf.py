@@ -1,4 +1,4 @@
-"""URDF files: links, joints and what is to be seen of them. Used by robots.py.
+"""URDF files: links, joints and visuals. Used by robots.py.
 
 Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML, version 1.0), and PyBullet's
 spherical joint.

@@ -1,1 +1,1 @@
-"""What a scene holds: handles, and the messages that edits and queries are made of."""
+"""Content of a scene: handles, and the messages that edits and queries are made of."""

@@ -25,7 +25,7 @@ _EDIT = re.compile(r"edits\[(\d+)\]")
 
 
 class Last:
-    """What the last dome() of a session made in a scene."""
+    """Texture that the last dome() of a session made in a scene."""
 
     def __init__(self) -> None:
         self.name = ""  # of the texture; "": not known, or none
@@ -69,7 +69,7 @@ class DomeEdits:
         self, elevation: float, azimuth: float = 0.0, sun: str = "sun", **air: Unpack[AirOptions]
     ) -> None:
         """A clear sky as the dome, and its sun as the entity `sun`. elevation, azimuth: of the sun,
-        radians. The options are those of heliograph.sky.AirOptions."""
+        radians. options: see heliograph.sky.AirOptions."""
         from ..values import sky
 
         sky.put(cast("Edits", self), sun, sky.sky(elevation, azimuth, **air))
@@ -121,7 +121,7 @@ class _Left:
             edits[-1].target.name = name
 
     def _clear(self) -> None:
-        """The transaction is what it was."""
+        """Restores the transaction."""
         del self._edits.transaction.edits[self._count :]
 
     def _gives_up(self, error: HeliographError) -> bool:

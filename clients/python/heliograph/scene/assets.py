@@ -31,7 +31,7 @@ _ROUNDS = 64  # of naming missing companions
 
 
 class Placement(TypedDict, total=False):
-    """Where a copy of an asset goes."""
+    """Options for placing a copy of an asset."""
 
     transform: Any  #: 4x4 or Pose, relative to the parent
     parent: Named | None  #: whose frame the pose is in
@@ -44,7 +44,7 @@ class Placement(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Source:
-    """What to decode."""
+    """Asset to decode: a file here or on the server, and how to read it."""
 
     path: str | os.PathLike[str] | None
     server_path: str = ""
@@ -61,7 +61,7 @@ class Source:
             raise InvalidArgument("give path or server_path", field="path")
         if companions.allowed(self.folders) and self.path is None:
             raise InvalidArgument(
-                "folders: serve files of this machine; the daemon reads what is beneath its asset "
+                "folders: serve files of this machine; the daemon reads files beneath its asset "
                 "root",
                 field="folders",
             )
@@ -88,7 +88,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Decoding:
-    """What the daemon decoded, and where its files are, by their names in the request."""
+    """Decoding by the daemon: its request, and the paths of its files by their names in it."""
 
     request: service.DecodeAssetRequest
     paths: dict[str, Path] = field(default_factory=dict)
@@ -121,7 +121,7 @@ def decode(scene: Scene, source: Source, name: str | None) -> Asset:
 
 
 def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
-    """DecodeAsset, uploading what the daemon says is missing until nothing is."""
+    """Calls DecodeAsset, and uploads files that the daemon misses until it misses none."""
     decoding = Decoding(source.request())
     if source.path is not None:
         model = Path(source.path)
@@ -144,7 +144,7 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
 
 
 def _companion(source: Source, name: str) -> Path | None:
-    """Where a companion is; None: it is not there, or may not be read."""
+    """Path of a companion file; None: it is missing, or may not be read. NotFound if strict."""
     if source.path is not None:
         found = companions.find(Path(source.path).parent, name, source.folders)
         if found is not None:
@@ -160,7 +160,7 @@ def _companion(source: Source, name: str) -> Path | None:
 
 
 def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequest) -> None:
-    """Has what `digest` names decoded from files that the daemon has by now."""
+    """Has the files of `digest` decoded again; the daemon has the files by now."""
     found, missing = _answer(client, request)
     if found is None or _digest(found) != digest:
         files = ", ".join(file.path for file in request.files) or request.server_path
@@ -171,7 +171,7 @@ def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequ
 
 
 def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:
-    """Uploads a file whether or not the session had it; False: it is none of these."""
+    """Uploads a file, even if the session had it; False: it is none of these."""
     named = [file.path for file in decoding.request.files if file.sha256 == digest]
     if not named:
         return False
@@ -201,7 +201,7 @@ def _answer(
 
 
 def _digest(info: service.AssetInfo) -> bytes:
-    """What edits name it by: a picture by its texels."""
+    """Hash by which edits name the asset: a picture's is that of its texels."""
     return info.texels.blob if info.HasField("texels") else info.sha256
 
 

@@ -1,4 +1,4 @@
-"""Where the files are that a model refers to. Used by assets.py."""
+"""Companions: files that a model refers to. Used by assets.py."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import InvalidArgument, NotFound
 
 #: Shift-JIS and GBK have letters whose second byte is that of a backslash, which is taken for "/".
 _DOUBLE_BYTE = re.compile("(?<=[\x80-\xff])/")
-#: Where textures are kept beneath a folder; the second is Gazebo's place.
+#: Folders with textures, beneath a model's; the second is Gazebo's place.
 _PLACES = ("", "materials/textures", "textures")
 
 
@@ -67,13 +67,13 @@ def _same_name(folder: Path, name: str) -> Path | None:
 
 
 def alike(folder: Path, name: str) -> list[str]:
-    """What a folder has by this name, but for the case of letters."""
+    """Names in a folder that equal this one but for the case of letters."""
     wanted = readable(name).casefold()
     return [other for other in names_in(folder) if readable(other).casefold() == wanted]
 
 
 def names_in(folder: Path) -> list[str]:
-    """What is in a folder, sorted; nothing, where that is not to be known."""
+    """Names in a folder, sorted; [] if it cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class DomeOptions(TypedDict, total=False):
-    """What Edits.dome takes besides the picture; None: reset to its default."""
+    """Options of Edits.dome besides the picture; None: reset to its default."""
 
     color: Any  #: (3,) or a number, W sr^-1 m^-2; multiplies an image
     intensity: float | None  #: a factor
@@ -49,7 +49,7 @@ def dome_message(given: DomeOptions) -> pb.Dome:
 
 
 class Sampler(NamedTuple):
-    """How a texture is read; None: stays, or the default of a new one."""
+    """Sampling of a texture; None: unchanged, or the default of a new one."""
 
     encoding: str | None
     wrap: str | tuple[str, str] | None
@@ -109,19 +109,19 @@ def texels_of(edits: Edits, image: Any, layer: str) -> tuple[types.Array, str]:
 
 
 def refuse_layer(layer: str) -> None:
-    """Where there is no file."""
+    """Refuses layer= where there is no file. InvalidArgument."""
     if layer:
         raise InvalidArgument("layer: is of a picture's file; select the array's", field="layer")
 
 
-#: What a PIL image of each mode is converted to, but for those whose numbers are no colours.
+#: Mode that a PIL image of each mode is converted to, except modes whose numbers are no colours.
 _PIL_MODES = {"1": "L", "L": "L", "La": "LA", "LA": "LA"}
 _PIL_MODES |= dict.fromkeys(("PA", "RGBa", "RGBA"), "RGBA")
 _PIL_MODES |= dict.fromkeys(("RGB", "RGBX", "P", "CMYK", "YCbCr", "HSV"), "RGB")
 
 
 def is_pil(image: Any) -> bool:
-    """Whether it is a PIL image, which is known without loading PIL."""
+    """True for a PIL image, which is known without loading PIL."""
     return isinstance(getattr(image, "mode", None), str) and hasattr(image, "convert")
 
 

@@ -57,7 +57,7 @@ def _ask(scene: Scene, requests: list[service.QueryRequest]) -> list[service.Que
 
 
 def _joined(replies: list[Any]) -> Columns:
-    """Of replies that have some rows each."""
+    """Joins the rows of several replies."""
     parts = [Columns.of(reply.columns) for reply in replies]
     if len(parts) == 1:
         return parts[0]

@@ -28,7 +28,7 @@ def stereo(edit: Edits, name: str, *, camera: Camera, baseline: float, **placeme
     carry `camera`, look the same way, and lie `baseline` metres apart along the image's x axis, the
     root in the middle. Moving the root moves both.
 
-    placement: what edit.entity takes for the root: transform=, keys=, parent=.
+    placement: of the root, as edit.entity() takes it: transform=, keys=, parent=.
     With planes=["disparity:NAME/right"] the left camera's disparity is fx * baseline / depth.
     """
     apart = number_of(baseline, "baseline")

@@ -21,8 +21,8 @@ _LONGEST = 64 << 20
 
 
 def write(path: str | os.PathLike[str], chunks: Iterable[service.SceneChunk]) -> None:
-    """All or nothing: the file takes its name when it is complete. The same scene has the same
-    bytes: maps are sorted."""
+    """Writes a scene file. Names it only once it is complete. The same scene has the same bytes:
+    maps are sorted."""
     final = Path(path)
     partial = final.with_name(final.name + ".partial")
     try:
@@ -38,7 +38,7 @@ def write(path: str | os.PathLike[str], chunks: Iterable[service.SceneChunk]) ->
 
 
 def _sorted(chunks: Iterable[service.SceneChunk]) -> Iterator[service.SceneChunk]:
-    """The same with the maps of a header that comes in pieces sorted, too."""
+    """Yields the chunks, with the maps of a header that comes in pieces sorted, too."""
     pieces = b""
     for chunk in chunks:
         if chunk.WhichOneof("part") == "header_chunk":

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class Medium(TypedDict, total=False):
-    """What a volume is made of. Arrays of other sizes than the density's fill the same box."""
+    """Medium of a volume. Arrays of other sizes than the density's fill the same box."""
 
     density: Any  #: (X, Y, Z), >= 0: [i, j, k] is of the voxel there
     temperature: Any  #: (X, Y, Z), >= 0; None: nothing glows
     color: Any  #: (X, Y, Z, 3) in [0, 1], multiplies albedo; None: 1
-    axes: str  #: what the arrays' axes are, "xyz"; for (D, H, W) arrays "zyx"
+    axes: str  #: order of the arrays' axes, "xyz"; for (D, H, W) arrays "zyx"
     voxel_size: Any  #: metres, a number or (3,), of the density's voxels; 1
     origin: Any  #: (3,) metres, the corner of voxel [0, 0, 0] in the entity's coordinates; 0
     density_scale: float | None  #: 1/m, >= 0: extinction of density 1; 1
@@ -73,7 +73,7 @@ def _in_xyz(given: Mapping[str, Any], name: str) -> NdArray:
 def _put_grids(
     edits: Edits, out: pb.Volume, given: Mapping[str, Any], grids: Mapping[str, NdArray]
 ) -> None:
-    """All arrays fill the box that the density's voxels make."""
+    """Puts the grids; all fill the box that the density's voxels make. InvalidArgument."""
     if "density" not in grids:
         raise InvalidArgument(
             f"{next(iter(grids))}: give density with it, whose box it fills", field="density"

@@ -35,7 +35,7 @@ def put(context: Context) -> None:
 
 
 def _number_parts(model: Model) -> None:
-    """Of all that is to be seen beneath the bodies: parents are before children."""
+    """Numbers the parts of all visible prims beneath the bodies: parents are before children."""
     numbers: dict[str | None, int] = {}
     for found in model.articulations:
         of_links = {link: number for number, link in enumerate(found.robot.links, 1)}
@@ -66,7 +66,8 @@ class _Group:
 
 
 def _groups(context: Context, joints: Joints) -> list[_Group]:
-    """Those that move at all. Of joints that would close a loop the last one is left out."""
+    """Groups of bodies that joints connect and move. The last joint that would close a loop is left
+    out."""
     of: dict[str, _Group] = {}
     for joint in joints.found():
         groups = [of.setdefault(b, _Group([b])) for b in joint.bodies if b != WORLD]
@@ -127,7 +128,8 @@ def _schema_root(context: Context, path: str) -> str:
 
 
 def _base(context: Context, group: _Group) -> str:
-    """What is fixed to the world, or the root by its schema, or has no joint above it."""
+    """Base of a group: fixed to the world, or the root by its schema, or without a joint above
+    it."""
     if group.anchor is not None:
         return next(body for body in group.anchor if body != WORLD)
     for body in group.bodies:
@@ -178,7 +180,7 @@ class _Maker:
         return Articulation(path, above, pose, robot, bodies, chains.targets, self._category(above))
 
     def _edges(self, root: str) -> Iterator[Edge]:
-        """From the root on, parents first, depth first."""
+        """Yields the edges from the root on, parents first, depth first."""
         left = {pair: joints for pair, joints in self.group.pairs.items()}
         waiting = [root]
         if root != WORLD and self.group.anchor:
@@ -194,7 +196,7 @@ class _Maker:
             waiting.append(child)
 
     def _in_link(self, body: str) -> NdArray:
-        """(4, 4) link_from_prim: what the body is scaled."""
+        """(4, 4) link_from_prim: the scale of the body."""
         prim = self.context.stage.GetPrimAtPath(body)
         world = self.joints.world(prim)
         return self.context.thick(prim, np.linalg.inv(self.joints.rest[body]) @ world)
@@ -213,7 +215,7 @@ class _Maker:
         return path
 
     def _category(self, above: str | None) -> str:
-        """That of the nearest node above that has one."""
+        """Category of the nearest node upwards that has one; "" without."""
         while above is not None and "category" not in self.nodes[above].rest:
             above = self.nodes[above].parent
         return "" if above is None else str(self.nodes[above].rest["category"])
@@ -225,7 +227,7 @@ class _Maker:
         return self.joints.world(self.context.stage.GetPrimAtPath(path))
 
     def _stands_still(self, above: str | None) -> str:
-        """Why the bodies are not moved by joints; "": they are."""
+        """Reason why joints do not move the bodies; "": they do."""
         for body in self.group.bodies:
             if body not in self.nodes:
                 return f"{body} is a prototype of instances, or nothing that has a place"
@@ -235,14 +237,14 @@ class _Maker:
         return ""
 
     def _between(self, body: str, above: str | None) -> Iterator[str]:
-        """A body's node and those that it is in, up to the one above all bodies."""
+        """A body's node and its ancestors, up to the one above all bodies."""
         at: str | None = body
         while at is not None and at != above:
             yield at
             at = self.nodes[at].parent
 
     def _keep_hidden(self, above: str | None) -> None:
-        """What is above a body hides it, though its entity will be beneath a link."""
+        """Hides bodies beneath a hidden prim, although their entities will be beneath a link."""
         for body in self.group.bodies:
             if any(self.nodes[a].rest.get("visible") is False for a in self._between(body, above)):
                 self.nodes[body].rest["visible"] = False

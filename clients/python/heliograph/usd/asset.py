@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class Library:
-    """What the placements of one stage share."""
+    """State that the placements of one stage share."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
-    alike: dict[bytes, str] = field(default_factory=dict)  # by what it is made of, the first mesh
+    alike: dict[bytes, str] = field(default_factory=dict)  # first mesh by the SHA-256 of its arrays
     materials: dict[str, Material] = field(default_factory=dict)
     textures: dict[Image, Texture | None] = field(default_factory=dict)  # None: not readable
     robots: dict[str, RobotLibrary] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class UsdAsset:
     every transformable prim. instances: {prim path: Group} of point instancers' prototypes.
     robots: bodies that joints connect, by the path of their articulation.
     meshes, materials: by prim path. cameras, lights: the entities that have one, by prim path.
-    metres_per_unit, up: of the file. warnings: what was left out or is otherwise.
+    metres_per_unit, up: of the file. warnings: prims left out, or read otherwise.
     """
 
     def __init__(self, scene: Scene, name: str, model: Model, library: Library | None) -> None:

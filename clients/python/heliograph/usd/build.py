@@ -80,7 +80,8 @@ class Builder:
             self.asset.lights[node.path] = entity
 
     def _place(self, node: Node) -> tuple[Entity, Pose]:
-        """What it is beneath, and where there: bodies beneath the links of their robot."""
+        """Parent of a node's entity, and its pose there: bodies are beneath the links of their
+        robot."""
         found = self.articulated.get(node.path)
         if found is None:
             return self._entity(node.parent), node.pose
@@ -177,7 +178,7 @@ class Builder:
 
 
 def _digest(geometry: Mapping[str, Any]) -> bytes:
-    """Of what a mesh is made of."""
+    """SHA-256 of the arrays of a mesh."""
     out = hashlib.sha256()
     for name, value in sorted(geometry.items()):
         array = np.ascontiguousarray(value)

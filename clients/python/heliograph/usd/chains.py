@@ -20,7 +20,7 @@ _APART = 1e-3  # metres, radians: as far as bodies may be from where their joint
 
 @dataclass(frozen=True)
 class Edge:
-    """What moves `child` in `parent`: joints that go from one to the other, or back."""
+    """Joints that move `child` in `parent`: from one to the other, or back."""
 
     parent: str
     child: str
@@ -29,7 +29,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A freedom with its name, what is before it, and its value where the stage stands."""
+    """A freedom with its name, the transform before it, and its value at rest."""
 
     name: str
     freedom: Freedom
@@ -75,7 +75,7 @@ class Chains:
         return [*made, fixed]
 
     def _steps(self, edge: Edge) -> tuple[list[_Step], NdArray]:
-        """The freedoms from parent to child, and what is behind the last."""
+        """Freedoms from parent to child, and the transform behind the last."""
         is_turned = edge.joints[0].bodies[0] != edge.parent
         parts = []
         for number, joint in enumerate(edge.joints):
@@ -100,7 +100,7 @@ class Chains:
     # ------------------------------------------------------------ where the stage stands
 
     def _values(self, joint: Found, is_alone: bool) -> list[rest.Value]:
-        """By the joint's state, or else by the places of its bodies."""
+        """Values at rest: by the joint's state, or else by the poses of its bodies."""
         first, second = (self.rest[b] @ f for b, f in zip(joint.bodies, joint.frames))
         pose = np.linalg.inv(first) @ second
         found = rest.values_of(joint.freedoms, pose)
@@ -137,14 +137,14 @@ class Chains:
 
 
 def _names(name: str, freedoms: Sequence[Freedom]) -> dict[str, str]:
-    """By token: of one freedom the joint's own."""
+    """Names of a joint's freedoms by token: a single one has the joint's own name."""
     if len(freedoms) == 1:
         return {freedoms[0].token: name}
     return {one.token: f"{name}:{one.token}" for one in freedoms}
 
 
 def _short(paths: Sequence[str]) -> dict[str, str]:
-    """Names of prims; of those that share one the whole path. The world is called so."""
+    """Names of prims; prims that share one get their whole path. WORLD has a name, too."""
     count = Counter(path.rpartition("/")[2] for path in dict.fromkeys(paths))
     out = {}
     for path in paths:
@@ -159,13 +159,13 @@ def _short(paths: Sequence[str]) -> dict[str, str]:
 
 
 def _turned(joint: Found) -> Found:
-    """The same from its second body to its first: values keep their sense."""
+    """Joint from its second body to its first: values keep their sense."""
     freedoms = tuple(replace(one, axis=-one.axis) for one in reversed(joint.freedoms))
     return replace(joint, freedoms=freedoms)
 
 
 def _back(joint: Found, values: Sequence[rest.Value]) -> list[rest.Value]:
-    """Those of _turned(); quaternions are of the lower link in the upper one."""
+    """Values of the _turned() joint; quaternions are of the lower link in the upper one."""
     out = []
     for one, value in zip(joint.freedoms, values):
         is_whole = one.kind == "spherical"

@@ -1,4 +1,4 @@
-"""What the readers of a stage share: its time, what is asked of it, what is noted. Needs pxr."""
+"""Context of the readers of a stage: its time, its options, its notes. Needs pxr."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _FRAMES = 100_000  # whole codes between the samples of one prim that become key
 
 @dataclass
 class Context:
-    """One reading of one stage."""
+    """Context of one reading of one stage."""
 
     stage: Any
     options: Options
     model: Model
     files: Files
-    time: Any = field(init=False)  # Usd.TimeCode of what does not move
+    time: Any = field(init=False)  # Usd.TimeCode of still attributes
     up: NdArray = field(init=False)  # (4, 4) root_from_stage
 
     def __post_init__(self) -> None:
@@ -41,11 +41,11 @@ class Context:
         self.model.notes.add(prim, text)
 
     def value(self, attribute: Any) -> Any:
-        """Of an attribute, at the time of what does not move; None: it has none."""
+        """Value of an attribute at `time`; None without one."""
         return attribute.Get(self.time) if attribute else None
 
     def number(self, attribute: Any, default: float = 0.0) -> float:
-        """A finite number; what is none is noted and taken to be the default."""
+        """Finite number of an attribute; any other is noted and replaced by the default."""
         found = self.value(attribute)
         if found is None:
             return default
@@ -65,7 +65,8 @@ class Context:
         return float(code / self.stage.GetTimeCodesPerSecond())
 
     def codes(self, samples: Sequence[float], steps: bool = True) -> list[float]:
-        """The time codes of the keys of what has these samples; fewer than 2: it stands still.
+        """Time codes of the keys for an attribute with these samples; fewer than 2: it stands
+        still.
 
         steps: whole codes between the samples count too, as frames do, so that turns stay whole.
         """
@@ -108,7 +109,7 @@ class Context:
         return out
 
     def world(self, prim: Any) -> NdArray:
-        """(4, 4) root_from_local at the time of what does not move."""
+        """(4, 4) root_from_local at `time`."""
         return self.up @ matrix_of(UsdGeom.XformCache(self.time).GetLocalToWorldTransform(prim))
 
 

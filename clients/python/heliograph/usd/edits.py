@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ..client.edit import Edits
+    from ..client.scene import Scene
 
 
 class UsdEdits:
@@ -47,26 +48,26 @@ class UsdEdits:
         **components: Unpack[patches.Components],
     ) -> UsdAsset:
         """Reads a USD file (.usd, .usda, .usdc, .usdz) and places it: entities `name`, by default
-        the file's stem, and "<name>/<prim path>". Of another UsdAsset: places it again, not read
-        again, with the same meshes and materials; in another scene with its own.
+        the file's stem, and "<name>/<prim path>". path: another UsdAsset is placed again, not read
+        again, with the same meshes and materials; in another scene with copies of them.
 
         The file is read in this process by the package usd-core, not in the daemon's sandbox.
         variants: {prim path: {variant set: variant}}, instead of the file's choice. payloads: False
         leaves them out. purposes: of "default", "render", "proxy", "guide". time: seconds at which
-        it is read, by default its earliest. times: seconds of the keys of what moves, or "all":
-        those of the file. units: metres a unit where the file names none (0.01).
-        folders: whose textures may be read, besides the file's own and what is beneath it.
+        it is read, by default its earliest. times: seconds of the keys of motion, or "all": those
+        of the file. units: metres per unit where the file names none (0.01).
+        folders: with further textures, besides the file's own folder and those beneath it.
         semantics: the type or taxonomy of labels that become categories; None: none.
-        nit: radiance, W sr^-1 m^-2, of what the file says is 1 cd/m^2. lights: False leaves out
-        UsdLux. camera_width: pixels of its cameras; the height follows from their apertures.
+        nit: radiance, W sr^-1 m^-2, of 1 cd/m^2 in the file. lights: False leaves out UsdLux.
+        camera_width: pixels of its cameras; the height follows from their apertures.
         subdivision: steps of Catmull-Clark, up to 6; 0: the cages of such surfaces are shown.
         keypoints: names of robots' joints that labels report, by default all.
         components: of the root, as edit.entity() takes them: transform, parent, category, ...
         Robots have the same label, category, group and attributes.
-        Unimplemented without the package pxr, NotFound and InvalidArgument of the file.
+        Unimplemented without the package pxr; NotFound and InvalidArgument for the file.
         """
         needed("pxr", "USD files need", "usd")
-        from . import build, stage
+        from . import build
 
         edits = cast("Edits", self)
         options = Options(
@@ -83,17 +84,26 @@ class UsdEdits:
             camera_width=whole_of(camera_width, "camera_width", 1, 16384),
             subdivision=whole_of(subdivision, "subdivision", 0, 6),
         )
-        if isinstance(path, UsdAsset):
-            why = "an asset is placed again as it was read; give it with the file"
-            refuse_given(vars(options), vars(Options()), why)
-            library = path.library if path.scene.id == edits.scene.id else None
-            asset = UsdAsset(edits.scene, name or path.name, path.model, library)
-        else:
-            model, files = stage.read(Path(path), options)
-            weakref.finalize(edits.scene.client, files.close)  # it may have to send them again
-            asset = UsdAsset(edits.scene, name or model.stem, model, None)
         given: Any = components
+        asset = _asset(edits.scene, path, name, options)
         return build.Builder(edits, asset, keypoints).build(given)
+
+
+def _asset(
+    scene: Scene, path: str | os.PathLike[str] | UsdAsset, name: str | None, options: Options
+) -> UsdAsset:
+    """Asset to be placed: read from a file, or another one's model. InvalidArgument for options
+    with another asset."""
+    if isinstance(path, UsdAsset):
+        why = "an asset is placed again as it was read; give it with the file"
+        refuse_given(vars(options), vars(Options()), why)
+        library = path.library if path.scene.id == scene.id else None
+        return UsdAsset(scene, name or path.name, path.model, library)
+    from . import stage
+
+    model, files = stage.read(Path(path), options)
+    weakref.finalize(scene.client, files.close)  # it may have to send them again
+    return UsdAsset(scene, name or model.stem, model, None)
 
 
 def _times(times: Any) -> Any:

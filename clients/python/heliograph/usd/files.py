@@ -12,7 +12,7 @@ from pxr import Ar
 
 
 class Files:
-    """Reads beneath some folders only; what lies in a .usdz is copied to a folder of its own."""
+    """Reads beneath some folders only; files in a .usdz are copied to a folder of their own."""
 
     def __init__(self, stage: Path, folders: Sequence[Path]) -> None:
         self._folders = [stage.resolve().parent, *(folder.resolve() for folder in folders)]

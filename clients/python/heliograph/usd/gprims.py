@@ -57,7 +57,7 @@ _Size = Callable[[str, float], float]
 
 
 def _plane(size: _Size, along: tuple[str, str] = ("width", "length")) -> Geometry:
-    """along: its x and y; those of planes across X and Y are turned from Y and Z, Z and X."""
+    """Rectangle. along: its x and y; planes across X and Y have Y and Z, Z and X for them."""
     out = shapes.plane()
     scale = np.array([size(along[0], 2.0), size(along[1], 2.0), 1], "f4")
     out["positions"] = np.asarray(out["positions"]) * scale
@@ -65,8 +65,8 @@ def _plane(size: _Size, along: tuple[str, str] = ("width", "length")) -> Geometr
 
 
 def _revolved(rows: list[tuple[float, float, float, float]]) -> Geometry:
-    """Of rows (radius, z, and the normal's share outwards and upwards), from the bottom up; two
-    rows in one place make a sharp edge."""
+    """Surface of revolution from rows (radius, z, and the normal's share outwards and upwards),
+    from the bottom up; two rows in one place make a sharp edge."""
     around = np.linspace(0, 2 * math.pi, _SEGMENTS + 1)
     ring = np.stack([np.cos(around), np.sin(around)], axis=-1)
     table = np.array(rows)

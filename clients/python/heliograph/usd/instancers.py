@@ -78,7 +78,7 @@ def _place(
 
 
 def _copy(node: Node, names: tuple[str, str]) -> Node:
-    """With paths beneath names[1] instead of names[0]."""
+    """Copy of a node with paths beneath names[1] instead of names[0]."""
     old, new = names
     parent = None if node.parent is None else new + node.parent[len(old) :]
     return dataclasses.replace(node, path=new + node.path[len(old) :], parent=parent)

@@ -19,7 +19,7 @@ from ..values.pose import rotation_of_wxyz
 from .context import Context, matrix_of
 
 PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-WORLD = ""  #: the path of what bodies are fixed to
+WORLD = ""  #: path of the world, which bodies are fixed to
 _SAME = 1e-5  # metres, radians
 _ENDLESS = 1e30  # limits above are none: exporters write the largest float
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
@@ -28,8 +28,8 @@ _SLIDES, _TURNS = (tuple(f"{kind}{axis}" for axis in _AXES) for kind in ("trans"
 
 @dataclass(frozen=True, eq=False)
 class Freedom:
-    """One way that a joint leaves open. token: what its limit, drive and state are called by;
-    "rot": all turns. axis: (3,) in the joint's frame. scale: radians or metres a unit."""
+    """Freedom of a joint. token: names its limit, drive and state; "rot": all turns. axis: (3,) in
+    the joint's frame. scale: radians or metres per unit."""
 
     token: str
     kind: str
@@ -55,7 +55,7 @@ class Found:
 
 
 class Joints:
-    """Those of one stage. rest: (4, 4) root_from_body by path, rigid and in metres."""
+    """Joints of one stage. rest: (4, 4) root_from_body by path, rigid and in metres."""
 
     def __init__(self, context: Context) -> None:
         self.context = context
@@ -63,11 +63,12 @@ class Joints:
         self._cache = UsdGeom.XformCache(context.time)
 
     def found(self) -> list[Found]:
-        """In the stage's order; those that connect nothing are noted."""
+        """Lists the joints in the stage's order; those that connect nothing are noted."""
         return [joint for prim in self.context.stage.Traverse(PRIMS) for joint in self._read(prim)]
 
     def world(self, prim: Any) -> NdArray:
-        """(4, 4) root_from_local, with its scale; what is not finite is in the stage's origin."""
+        """(4, 4) root_from_local, with its scale; a transform that is not finite counts as the
+        identity."""
         local = matrix_of(self._cache.GetLocalToWorldTransform(prim))
         return self.context.up @ (local if np.isfinite(local).all() else np.eye(4))
 
@@ -163,7 +164,7 @@ class Joints:
         return Freedom(token, kind, axis, math.pi / 180, math.radians(low), math.radians(high))
 
     def _generic(self, prim: Any) -> tuple[Freedom, ...]:
-        """Of a joint whose limits say what it leaves open: slides first, then turns by X, Y, Z."""
+        """Freedoms of a joint whose limits leave them open: slides first, then turns by X, Y, Z."""
         free = []
         for token in (*_SLIDES, *_TURNS):
             low = self._bound(prim, f"limit:{token}:physics:low", -1)
@@ -207,8 +208,8 @@ def _body(prim: Any) -> Any:
 
 
 def goes_on(pair: list[Found], joint: Found) -> bool:
-    """Whether a joint is one more of those that move one body in the other together, as exporters
-    of MuJoCo's write them: each of one axis, and all with the body in the same place."""
+    """True if a joint is one more of those that move one body in the other together, as exporters
+    of MuJoCo write them: each of one axis, and all with the body in the same place."""
     several = [*pair, joint]
     places = [one.frames[0] @ np.linalg.inv(one.frames[1]) for one in several]
     one_axis = all(

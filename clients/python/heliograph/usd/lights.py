@@ -53,7 +53,7 @@ def _number(context: Context, prim: Any, name: str, default: float) -> float:
 
 
 def _size(context: Context, prim: Any, name: str, default: float = 1.0) -> float:
-    """Of a shape: at least what is allowed, in its own units."""
+    """Size of a shape in its own units, clamped to [2e-6, 1e6], which the daemon takes."""
     return min(max(_number(context, prim, name, default), 2e-6), 1e6)
 
 
@@ -64,7 +64,7 @@ def _level(context: Context, prim: Any) -> float:
 
 
 def _radiance(context: Context, prim: Any, area: float) -> float:
-    """W sr^-1 m^-2; area: in the stage's units, of what emits."""
+    """Radiance, W sr^-1 m^-2; area: of the emitter, in the stage's units."""
     normalized = bool(context.value(prim.GetAttribute("inputs:normalize")))
     level = _level(context, prim) * context.options.nit
     return level / max(area, 1e-12) if normalized else level
@@ -213,7 +213,7 @@ def _dome_rotation(context: Context, prim: Any) -> NdArray:
 
 
 def _note_rest(context: Context, prim: Any) -> None:
-    """What of a light is not read."""
+    """Notes the properties of a light that are not read."""
     for name, default in (("diffuse", 1.0), ("specular", 1.0), ("shaping:focus", 0.0)):
         if _number(context, prim, name, default) != default:
             context.note(prim, f"inputs:{name} of lights is left out")

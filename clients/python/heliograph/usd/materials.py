@@ -105,7 +105,7 @@ class _Preview:
         return default
 
     def _fallback(self, found: Output, default: Any) -> Any:
-        """What a texture gives that cannot be read."""
+        """Value that stands for a texture that cannot be read."""
         value = constant(self.context, found.shader, "fallback", None)
         if value is None:
             return default
@@ -170,7 +170,7 @@ class _Preview:
 
 
 def put_normal(context: Context, shader: Any, look: Look, sampled: Sampled) -> None:
-    """A normal map; texel 2 - 1 is what it means, whatever scale and bias say but for the sign."""
+    """Puts a normal map: normals are texel * 2 - 1; scale and bias count for their sign only."""
     scale = np.array(constant(context, shader, "scale", (2.0,) * 4))
     if scale[1] < 0 < scale[0]:
         context.note(shader, "a normal map whose green runs down is left out: turn it over")

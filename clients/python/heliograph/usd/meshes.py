@@ -68,7 +68,7 @@ def _corners(context: Context, mesh: Any, points: NdArray) -> Corners | None:
 
 
 def _fine(corners: Corners, points: NdArray) -> NdArray:
-    """The cage's points, or those that they become."""
+    """Points of the cage, or of its refinement."""
     return points if corners.refinement is None else corners.refinement.at_points(points)
 
 
@@ -113,7 +113,7 @@ def _colors(
 
 
 def _with_alpha(color: Spread | None, opacity: Spread) -> Spread:
-    """(C, 4) colours, a value a corner."""
+    """(C, 4) colours, one per corner."""
     rgb = np.full((len(opacity.which), 3), 0.18, "f4")
     if color is not None:
         rgb = color.values[color.which][:, :3]
@@ -125,7 +125,7 @@ def _with_alpha(color: Spread | None, opacity: Spread) -> Spread:
 
 
 def _normals(context: Context, mesh: Any, corners: Corners, points: NdArray) -> Spread | None:
-    """Authored normals; smooth ones of what is subdivided or should be; None: flat."""
+    """Authored normals; smooth ones for subdivided meshes, or meshes meant to be; None: flat."""
     prim = mesh.GetPrim()
     found = None if corners.refinement else _authored(context, mesh, corners)
     is_smooth = context.value(mesh.GetSubdivisionSchemeAttr()) != UsdGeom.Tokens.none

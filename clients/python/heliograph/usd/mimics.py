@@ -22,7 +22,7 @@ Names = Mapping[str, Mapping[str, str]]  # of freedoms, by the path of their joi
 def put(
     context: Context, found: Sequence[Found], names: Names, joints: Sequence[Joint]
 ) -> list[Joint]:
-    """The same joints, of which some follow others."""
+    """Joints of a robot, with followers of others as mimics."""
     by_name = {joint.name: joint for joint in joints}
     scales = {
         names[one.path][freedom.token]: freedom.scale for one in found for freedom in one.freedoms
@@ -32,7 +32,7 @@ def put(
             follower, leader = _name(names, one.path, token), _name(names, path, axis)
             why = _fault(by_name, follower, leader)
             if why:
-                context.note(one.path, f"what it follows is left out: {why}")
+                context.note(one.path, f"the joint that it follows is ignored: {why}")
                 continue
             scale = scales[follower]
             mimic = Mimic(leader, factor * scale / scales[leader], first * scale)
@@ -65,7 +65,7 @@ def _authored(context: Context, prim: Any) -> Iterator[tuple[str, str, str, tupl
 
 
 def _name(names: Names, path: str, token: str) -> str:
-    """Of a freedom; of a joint that has but one, whatever its axis is called."""
+    """Name of a freedom; a joint with one freedom has its name, whatever its axis is called."""
     own = names.get(path, {})
     return next(iter(own.values())) if len(own) == 1 else own.get(token, "")
 
@@ -84,7 +84,7 @@ def _fault(joints: Mapping[str, Joint], follower: str, leader: str) -> str:
 
 
 def _tell_where(context: Context, one: Found, joints: Mapping[str, Joint]) -> None:
-    """Where the stage has it elsewhere than it follows."""
+    """Notes that the stage has a follower elsewhere than the joint that it follows puts it."""
     for joint in joints.values():
         if joint.mimic and joint.name == one.path.rpartition("/")[2]:
             leader = joints[joint.mimic.joint]

@@ -1,4 +1,4 @@
-"""What a USD stage holds, in this project's terms: metres and +Z up from the root on. Made by
+"""Model of a USD stage in this project's terms: metres and +Z up from the root on. Made by
 stage.read(), put into scenes by build.Builder. Knows nothing of pxr."""
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Pose = Union[NdArray, Mapping[float, NdArray]]  # (4, 4), or keys {seconds: (4, 
 
 
 class Notes:
-    """What is left out or taken to be otherwise: one text, many prims."""
+    """Notes on what is left out or assumed: one text, many prims."""
 
     def __init__(self) -> None:
         self._prims: dict[str, dict[str, None]] = {}
 
     def add(self, prim: Any, text: str) -> None:
-        """prim: its path, or what has GetPath()."""
+        """prim: its path, or an object with GetPath()."""
         path = str(prim.GetPath()) if hasattr(prim, "GetPath") else str(prim)
         self._prims.setdefault(text, {})[path] = None
 
@@ -86,10 +86,10 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Articulation:
-    """Bodies that joints connect. path: what it is called by. above: the path of the node that it
-    is beneath, None: the root; pose: (4, 4) of its first link there. bodies: by the path of their
-    nodes the link, and (4, 4) link_from_node. targets: of drives, by the joint's name. category:
-    that of its instance, "": what the call says."""
+    """Bodies that joints connect. path: its key. above: the path of the node that it is beneath,
+    None: the root; pose: (4, 4) of its first link there. bodies: by the path of their nodes the
+    link, and (4, 4) link_from_node. targets: of drives, by the joint's name. category: that of its
+    instance, "": that of the call."""
 
     path: str
     above: str | None
@@ -126,7 +126,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Options:
-    """Of import_usd()."""
+    """Options of import_usd()."""
 
     variants: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     payloads: bool = True

@@ -1,4 +1,4 @@
-"""Shading networks: what feeds an input. Needs pxr."""
+"""Shading networks: sources of inputs. Needs pxr."""
 
 from __future__ import annotations
 
@@ -69,7 +69,8 @@ class Textures:
         self.look = look
 
     def sampled(self, output: Output, linear: bool = False) -> Sampled | None:
-        """What a UsdUVTexture gives; None: nothing, its fallback is to be used (noted)."""
+        """Texture lookup of a UsdUVTexture; None: no texture, so its fallback is to be used
+        (noted)."""
         shader = output.shader
         file = fed(self.context, shader, "file")
         image = None
@@ -149,7 +150,7 @@ class Textures:
         return uv, self.uv_set(shader, name)
 
     def uv_set(self, shader: Any, name: str) -> int:
-        """The place of a primvar among those that the look reads."""
+        """Index of a primvar among those that the look reads."""
         read = self.look.primvars
         if name not in read and len(read) == 2:
             self.context.note(shader, f"a material reads 2 primvars at most: {read[0]} for {name}")

@@ -31,7 +31,8 @@ def triangles(points: NdArray, counts: NdArray, indices: NdArray) -> tuple[NdArr
 
 
 def _fans(polygons: NdArray) -> tuple[NdArray, NdArray]:
-    """(N, C - 2, 3) corners of the triangles of (N, C, 3) polygons, and those that need ears."""
+    """(N, C - 2, 3) corners of the triangles of (N, C, 3) polygons, and the polygons that need ear
+    clipping."""
     count, corners, _ = polygons.shape
     first = np.zeros(count, int)
     rest = np.zeros(0, int)
@@ -47,7 +48,8 @@ def _fans(polygons: NdArray) -> tuple[NdArray, NdArray]:
 
 
 def _inward(polygons: NdArray) -> NdArray:
-    """(N, C) whether a corner points inwards, seen along the polygon's normal (Newell)."""
+    """(N, C) bool: True for a corner that points inwards, seen along the polygon's normal
+    (Newell)."""
     ahead = np.roll(polygons, -1, axis=1) - polygons
     turns = np.cross(np.roll(ahead, 1, axis=1), ahead)
     normal = np.cross(polygons, np.roll(polygons, -1, axis=1)).sum(axis=1)
@@ -77,7 +79,7 @@ def _flattened(polygon: NdArray) -> NdArray:
 
 
 def _is_ear(flat: NdArray, left: list[int], i: int) -> bool:
-    """Whether the triangle at a corner is within the polygon, and no other corner in it."""
+    """True if the triangle at a corner is within the polygon, and no other corner in it."""
     a, b, c = flat[left[i - 1]], flat[left[i]], flat[left[(i + 1) % len(left)]]
     if _side(a, b, c) <= 0:
         return False

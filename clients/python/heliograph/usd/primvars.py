@@ -95,7 +95,7 @@ def _refined(refinement: Refinement, interpolation: str, table: NdArray, indices
 
 
 def joined(spreads: list[Spread | None], parts: NdArray, default: NdArray) -> Spread:
-    """One spread of several, that of each corner's part; the default where it has none."""
+    """Joins spreads into one: each corner takes its part's; the default where that has none."""
     tables, which, start = [default[None]], np.zeros(len(parts), int), 1
     for part, one in enumerate(spreads):
         if one is not None:

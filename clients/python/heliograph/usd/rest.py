@@ -15,8 +15,8 @@ Value = tuple[float, ...]  # radians or metres, or a quaternion w x y z
 
 
 def values_of(freedoms: Sequence[Freedom], pose: NdArray) -> list[Value]:
-    """What brings a joint nearest to a pose (4, 4), first_from_second; angles between the limits,
-    if a whole turn more or less does it."""
+    """Values that bring a joint nearest to a pose (4, 4), first_from_second; angles lie between the
+    limits, if a whole turn more or less does it."""
     turns = [one for one in freedoms if one.kind in ("revolute", "continuous")]
     angles = iter(_angles(turns, pose[:3, :3]))
     found: list[Value] = []
@@ -52,7 +52,7 @@ def step(one: Freedom, value: Value) -> NdArray:
 
 
 def _angles(turns: Sequence[Freedom], rotation: NdArray) -> list[float]:
-    """Of one turn the angle about its axis; of several those about X, then Y, then Z."""
+    """Angles, radians: of one turn about its axis; of several about X, then Y, then Z."""
     if len(turns) == 1:
         w, *v = _quaternion(rotation)
         return [2 * math.atan2(float(np.dot(v, turns[0].axis)), w)]

@@ -20,7 +20,7 @@ class UsdRobot(Robot):
     """A Robot of a USD stage: its links are the bodies that joints connect.
 
     bodies: the link's name by the path of the prim. keyframes: (C,) values by name; "targets" are
-    those that the stage's drives draw to.
+    the targets of the stage's drives.
     """
 
     def __init__(
@@ -38,14 +38,14 @@ class UsdRobot(Robot):
 
 
 class RobotBuilder(Builder):
-    """Puts the links; what is to be seen of them is put as all of the stage."""
+    """Puts the links; their visuals are put like the rest of the stage."""
 
     def _put_visual(self, visual: Any, name: str, link: tuple[Entity, int]) -> None:
         raise AssertionError("a stage's bodies have no visuals of their own")
 
 
 def components_of(given: Mapping[str, Any], found: Articulation, above: Entity) -> dict[str, Any]:
-    """Of a robot's root: where it is, and what the call or the stage says of its instance."""
+    """Components of a robot's root: its pose, and its instance as the call or the stage has it."""
     own = {n: given[n] for n in ("label", "category", "group", "attributes") if n in given}
     if found.category:
         own.update(category=found.category, label="auto")

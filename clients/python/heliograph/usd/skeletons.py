@@ -19,7 +19,7 @@ from .model import Node
 
 
 def put(context: Context, roots: Sequence[Any], vertices: Mapping[str, NdArray]) -> None:
-    """Skins of all that is below SkelRoots. vertices: which points those of each mesh are."""
+    """Puts skins of meshes below SkelRoots. vertices: by mesh, the index of each vertex's point."""
     skins = _Skins(context, vertices)
     for root in roots:
         skins.add(root)
@@ -31,7 +31,7 @@ class _Skins:
         self.vertices = vertices
         self.cache = UsdSkel.Cache()
         self.nodes = {node.path: node for node in context.model.nodes}
-        self.done: dict[str, str] = {}  # what paths of a skeleton's joints begin with; "": none
+        self.done: dict[str, str] = {}  # prefix of the paths of a skeleton's joints; "": none
 
     def add(self, root: Any) -> None:
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
@@ -94,7 +94,7 @@ class _Skins:
         return nodes
 
     def _poses(self, skeleton: Any) -> list[Any]:
-        """Of each joint in the one above it, or keys."""
+        """Pose of each joint in the one above it, or its keys by time."""
         animation = skeleton.GetAnimQuery()
         samples = animation.GetJointTransformTimeSamples() if animation else []
         codes = self.context.codes(samples or [], steps=False)

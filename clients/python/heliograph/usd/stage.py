@@ -21,7 +21,7 @@ INSTANCES = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
 def read(path: Path, options: Options) -> tuple[Model, Files]:
-    """All that a USD file has of what is asked, and the files that its textures are."""
+    """Reads a USD file as the options say; returns its model and the files of its textures."""
     for purpose in options.purposes:
         if purpose not in PURPOSES:
             raise InvalidArgument(
@@ -81,7 +81,7 @@ def _select(sets: Any, path: str, name: str, variant: str) -> None:
 
 
 def _metres(stage: Any, units: float) -> float:
-    """Metres a unit; `units` where the file says nothing."""
+    """Metres per unit; `units` where the file says nothing."""
     found = float(UsdGeom.GetStageMetersPerUnit(stage))
     if units and not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         found = units
@@ -92,7 +92,7 @@ def _metres(stage: Any, units: float) -> float:
 
 @dataclass
 class _Above:
-    """What a prim has from those above it."""
+    """Properties that a prim inherits from those above it."""
 
     node: str | None = None  # the nearest one that is an entity
     hidden: bool = False  # by a prim between it and that
@@ -152,7 +152,7 @@ class _Walk:
         return node
 
     def _fill(self, node: Node, prim: Any, wanted: bool) -> None:
-        """What a prim is besides a pose."""
+        """Fills a node with the components of a prim, besides its pose."""
         if wanted and self.context.options.lights:
             lights.put(self.context, node, prim)
         if prim.IsA(UsdGeom.Camera):

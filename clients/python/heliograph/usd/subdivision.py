@@ -128,8 +128,8 @@ def _mixed(a: NdArray, b: NdArray, share: NdArray) -> NdArray:
 
 
 class Refinement:
-    """One step or more. points: their number. faces: (Q,) the face that each quad is of.
-    indices: (4 Q,) points of the quads."""
+    """Refinement of a cage, in one step or more. points: their number. faces: (Q,) face of the cage
+    of each quad. indices: (4 Q,) points of the quads."""
 
     def __init__(self, cage: Cage, levels: int) -> None:
         self.cages = [cage]

@@ -1,1 +1,1 @@
-"""What users write down: poses, cameras, lights, materials, shapes. Needs no daemon."""
+"""Values that users write: poses, cameras, lights, materials, shapes. Needs no daemon."""

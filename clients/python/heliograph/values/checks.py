@@ -1,4 +1,4 @@
-"""Checks of what users write: numbers, colours, texts, keywords. An error names the field."""
+"""Checks of users' values: numbers, colours, texts, keywords. An error names the field."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
 
 
 def refuse_given(given: Mapping[str, Any], defaults: Mapping[str, Any], why: str) -> None:
-    """InvalidArgument for what is not as by default, where it would change nothing."""
+    """Raises InvalidArgument for arguments that are not the default, where they would change
+    nothing."""
     for name, value in given.items():
         if value != defaults[name]:
             raise InvalidArgument(f"{name}: {why}", field=name)

@@ -1,4 +1,4 @@
-"""Where to put a camera so that a box fills its picture. Used by the command line and examples."""
+"""Camera pose so that a box fills its picture. Used by the command line and examples."""
 
 from __future__ import annotations
 

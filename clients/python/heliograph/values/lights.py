@@ -22,7 +22,7 @@ _SHAPES = ("mesh", "sphere", "disc", "rectangle")
 
 @dataclass(frozen=True)
 class Light:
-    """Light that an entity's mesh gives off, besides what its material emits; a shape; or a sun.
+    """Light that an entity's mesh gives off, besides its material's emission; a shape; or a sun.
 
     Strength, exactly one of: `radiance` (W sr^-1 m^-2), `power` (W over all emitting sides, each
     channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides); for suns also
@@ -99,7 +99,8 @@ class Light:
 
     @classmethod
     def from_message(cls, message: scene.Light, handle: Callable[[types.Ref], Any]) -> Light:
-        """As the daemon has it. handle: of the object that a Ref names; None for none."""
+        """Light of the daemon's message. handle: gives the object that a Ref names; None for
+        none."""
         name = scene.Light.Unit.Name(message.unit or 1)[len("UNIT_") :].lower()
         color = message.color
         sizes = {

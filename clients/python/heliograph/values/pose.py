@@ -108,8 +108,8 @@ def moving(
 ) -> dict[float, NdArray]:
     """Keys {time: (4, 4)} of uniform motion over times[0] .. times[-1], seconds, for `keys=`.
 
-    pose: a 4x4 or Pose, at `time`, by default times[0]. velocity: (3,) metres a second in the
-    parent's frame. angular_velocity: (3,) radians a second about that axis of the parent's frame,
+    pose: a 4x4 or Pose, at `time`, by default times[0]. velocity: (3,) metres per second in the
+    parent's frame. angular_velocity: (3,) radians per second about that axis of the parent's frame,
     through the pose's own position. Keys come at `times`, and in between where the rotation exceeds
     60 degrees.
     """

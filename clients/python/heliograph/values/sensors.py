@@ -63,16 +63,16 @@ class RgbSensor:
 
 @dataclass(frozen=True)
 class DepthSensor:
-    """A depth camera; what it cannot measure reads 0.
+    """A depth camera; pixels that it cannot measure read 0.
 
     kind: "active_stereo" (a projector at +x of a perspective camera without distortion) or
     "time_of_flight".
     Active stereo: baseline to the projector, metres; disparity_noise, pixels; disparity_step,
     pixels, 0 for not quantised; lateral_noise, pixels.
     Time of flight: range_noise, metres at a signal of 1; it grows with 1 / sqrt(signal).
-    Both: window, pixels (odd), which are matched together or mixed; min_signal, below which nothing
-    is measured: a white matt surface at 1 m that faces the camera has 1; max_angle, radians between
-    ray and normal; min_depth, max_depth, metres, max_depth 0 for none.
+    Both: window, pixels (odd) that are matched together or mixed; min_signal, below which there is
+    no measurement: a white matt surface at 1 m that faces the camera has 1; max_angle, radians
+    between ray and normal; min_depth, max_depth, metres, max_depth 0 for none.
     """
 
     kind: str = "active_stereo"

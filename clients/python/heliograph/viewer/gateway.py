@@ -47,8 +47,8 @@ class Viewer:
     """Shows a scene in a browser, as it changes: `with hg.Viewer(scene) as viewer: viewer.wait()`.
 
     camera: one of the scene's to begin at, default a place that sees everything. port: default any
-    free one. spp: samples a pixel at which refining ends. Whoever knows `.url` sees the scene, and
-    cannot change it. Thread: any. close() ends the pages' streams, not the scene.
+    free one. spp: samples per pixel at which refining ends. `.url` lets its holder see the scene,
+    not change it. Thread: any. close() ends the pages' streams, not the scene.
     """
 
     def __init__(self, scene: Scene, camera: Any = None, *, port: int = 0, spp: int = 1024) -> None:
@@ -68,11 +68,11 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where the page is; it contains the token."""
+        """URL of the page; it contains the token."""
         return f"http://127.0.0.1:{self._server.server_port}/{self.token}/"
 
     def wait(self) -> None:
-        """Until Ctrl-C."""
+        """Waits until Ctrl-C."""
         while self._thread.is_alive():
             self._thread.join(timeout=1.0)
 
@@ -154,14 +154,14 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "heliograph", ""
-    timeout = 60  # seconds that a client may take to say what it wants
+    timeout = 60  # seconds that a client may take for its request
 
     @property
     def viewer(self) -> Viewer:
         return cast(_Server, self.server).viewer
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: paths contain the token."""
+        """Logs nothing: paths contain the token."""
 
     def do_GET(self) -> None:
         self._answer({"": self._page, "scene": self._scene, "picture": self._picture,
@@ -172,7 +172,8 @@ class _Handler(BaseHTTPRequestHandler):
                       "close": self._close})  # fmt: skip
 
     def _answer(self, routes: dict[str, Any]) -> None:
-        """Who may not ask is told nothing, not even whether the path is one."""
+        """Answers a request. Without the token the reply is the same for every path, so that it
+        tells nothing."""
         length = self.headers.get("Content-Length", "0")
         self._body = b""
         if not length.isdigit() or int(length) > _MOST_BYTES:

@@ -1,4 +1,4 @@
-"""What the page's panels say of a scene: its tree, its cameras, where to begin, one object."""
+"""Panels of the page: the scene's tree, its cameras, a first view, one object."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_READ = 5_000
 
 
 def of_scene(scene: Scene, camera: str) -> dict[str, Any]:
-    """Everything the page begins with. Ids are texts: JavaScript's numbers have 53 bits."""
+    """Data that the page begins with. Ids are texts: JavaScript's numbers have 53 bits."""
     info = scene.describe(tree=True)
     objects = [
         [str(o.id), kind_of(o.id), o.name, str(o.parent), o.uses]
@@ -72,7 +72,7 @@ def looking_of(scene: Scene, name: str, box: NdArray) -> dict[str, Any]:
 
 
 def of_object(scene: Scene, id: int) -> dict[str, Any]:
-    """Rows of one object: its kind, name, and what can be said in a line each."""
+    """Rows of one object: its kind, its name, and one line per property."""
     handle: Handle = scene.handle(id)
     out: dict[str, Any] = {"id": str(id), "kind": handle.kind, "rows": []}
     rows: list[tuple[str, str]] = out["rows"]

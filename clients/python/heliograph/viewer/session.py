@@ -1,4 +1,4 @@
-"""One open page: what it wants to see, the stream of frames for it, and the latest picture."""
+"""Session of one open page: its wishes, the stream of frames for it, and the latest picture."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _LARGEST = 4096  # pixels a side
 
 @dataclass(frozen=True)
 class Wish:
-    """What a page asks for. camera: one of the scene, or "" for the free one at eye, which looks at
+    """Wish of a page. camera: one of the scene, or "" for the free one at eye, which looks at
     target and is fov degrees high. width, height: pixels of the free one."""
 
     camera: str = ""
@@ -54,7 +54,7 @@ class Wish:
 
     @classmethod
     def of(cls, given: Any, before: Wish) -> Wish:
-        """From JSON: what is not given stays as before."""
+        """Wish from JSON: fields that are not given stay as before. InvalidArgument."""
         names = {field.name for field in fields(cls)}
         if not isinstance(given, dict) or not set(given) <= names:
             raise InvalidArgument(f"wish: an object with some of {', '.join(sorted(names))}")
@@ -196,7 +196,8 @@ class Session:
     # ------------------------------------------------------------ what the page gets
 
     def next(self, after: int, seconds: float) -> tuple[dict[str, Any], bytes] | None:
-        """What is said of the picture after that serial, and it as JPEG; None when none came."""
+        """Description and JPEG of the latest picture, if newer than serial `after`; waits up to
+        `seconds` for one, else None."""
         with self._changed:
             self.seen = time.monotonic()
             self._changed.wait_for(lambda: self._serial > after or self._closed, seconds)

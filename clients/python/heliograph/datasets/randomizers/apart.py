@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Apart:
-    """Draws poses until all things are clear of each other and of what is there.
+    """Draws poses until all things are clear of each other and of the rest of the scene.
 
     In each round every thing without a place gets a pose; in their order they keep it if they meet
     nothing that has its place, by the surfaces' triangles (Scene.overlaps), and if their world box
@@ -66,7 +66,8 @@ class Apart:
             edit.set_transforms(roots, draw.locals(roots, [poses[i] for i in chosen]))
 
     def _meets(self, branch: Scene, chosen: Sequence[int]) -> NdArray:
-        """(chosen, things + 1) bool; last: whether it meets an obstacle."""
+        """(chosen, things + 1) bool: intersections with each thing, and, last, with any
+        obstacle."""
         mine = [mesh for i in chosen for mesh in self.things[i].meshes]
         all_ = [mesh for body in self.things for mesh in body.meshes]
         pairs = branch.overlaps(mine, [*all_, *self.obstacles])
@@ -83,7 +84,7 @@ class Apart:
 
 
 def _near(boxes: Any, i: int, others: Sequence[int], spacing: float) -> bool:
-    """Whether the box of i is closer than `spacing` to another one's."""
+    """True if the box of i is closer than `spacing`, metres, to another one's."""
     low, high = boxes[others, 0], boxes[others, 1]
     gap = np.maximum(0, np.maximum(low - boxes[i, 1], boxes[i, 0] - high))
     return bool((np.linalg.norm(gap, axis=1) < spacing).any())

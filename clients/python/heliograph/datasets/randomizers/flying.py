@@ -25,7 +25,7 @@ _SIZE = LogUniform(0.03, 0.15)
 
 def add_distractors(edit: Edits, count: int = 24, *, seed: int = 0) -> Group:
     """Entities "distractor/0" ..: bundled shapes 1 m long, each with a material of its own, without
-    labels and invisible until Distractors chooses them. The same ones for the same seed."""
+    labels and invisible until Distractors chooses them. The seed determines them."""
     rng = np.random.default_rng(seed)
     made = []
     for i in range(whole_of(count, "count")):
@@ -39,8 +39,8 @@ def add_distractors(edit: Edits, count: int = 24, *, seed: int = 0) -> Group:
 class Distractors:
     """Lets some of the distractors fly about a target, with any rotation, size and material.
 
-    things: of add_distractors(), or any entities; those that are not chosen are invisible. around:
-    a point (3,), or entities whose middle it is. count: how many, a whole number or (low, high).
+    things: of add_distractors(), or any entities; the others become invisible. around: a point
+    (3,), or entities, for the middle of their box. count: their number, whole or (low, high).
     radius: metres, (inner, outer) of the shell that they are in, uniform by volume. size: metres of
     the longest side of a thing that is 1 m long as it is. clear_of: entities; the balls about
     distractors keep out of their world boxes, and out of each other, and four sizes from the draw's

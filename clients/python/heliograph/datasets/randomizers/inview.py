@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 class InView:
     """Runs a randomizer again and again until targets are seen well enough.
 
-    randomizer: what is tried; what was drawn before it stays. targets: labelled entities. camera:
+    randomizer: drawn again in each try; earlier draws stay. targets: labelled entities. camera:
     default all of the draw's. min_visibility: least share of a target's pixels, of all that it
     would cover on a canvas three times as large, that are in the image and not occluded: the column
-    `visibility` of the labels, which are traced for each try. least: how many targets have to be,
-    default all. tries: before ResourceExhausted.
+    `visibility` of the labels, which are traced for each try. least: number of targets that must
+    be, default all. tries: before ResourceExhausted.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class InView:
         )
 
     def _seen(self, draw: Draw, targets: set[int]) -> int:
-        """How many targets are seen well enough, by the camera that sees fewest."""
+        """Number of targets seen well enough, by the camera that sees fewest."""
         cameras = draw.cameras if self.camera is None else [self.camera]
         frames = draw.scene.render(
             cameras, overlay=draw.edit, planes=[], labels=["boxes", "amodal"], progress=False

@@ -17,8 +17,8 @@ class RandomJoints:
     """Draws the values of the joints of a robot, or of several with the same joints.
 
     ranges: {name in robot.joint_names: Range}, radians or metres, within the joint's limits.
-    Without one a joint is uniform within its limits, a continuous one over a full turn; what has no
-    limits otherwise rests.
+    Without one a joint is uniform within its limits, a continuous one over a full turn; any other
+    joint without limits rests.
     """
 
     def __init__(self, robot: Robots, ranges: Mapping[str, Range] | None = None) -> None:

@@ -32,9 +32,9 @@ def bundled_domes() -> list[Path]:
 class RandomDome:
     """Lights the scene by one of several lat-long pictures, turned about +Z.
 
-    images: files, arrays (H, W, 3), or a folder, whose .exr and .hdr files it means; default:
-    bundled_domes(). rotation: radians. intensity: a factor. camera_visible: whether the camera
-    sees it. cache_bytes: of pictures that stay decoded; the others are decoded again.
+    images: files, arrays (H, W, 3), or a folder, for its .exr and .hdr files; default:
+    bundled_domes(). rotation: radians. intensity: a factor. camera_visible: True if the camera sees
+    it. cache_bytes: of pictures that stay decoded; the others are decoded again.
     """
 
     def __init__(

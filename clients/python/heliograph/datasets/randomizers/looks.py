@@ -1,4 +1,4 @@
-"""random_materials, random_textures: what things look like."""
+"""random_materials, random_textures: materials of things."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""camera_path and random_motion: what moves, with the flow that comes of it."""
+"""camera_path and random_motion: moving cameras and things, with their flow."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SLOWEST = 0.4  # Hz
 
 
 class CameraPath:
-    """A camera on a path, one step an image, held by a hand.
+    """A camera on a path, one step per image, held by a hand.
 
     points: (P, 3) world metres, P > 1, on a centripetal Catmull-Rom curve (Yuksel et al. 2011),
     which is run through in `frames` images at an even speed; later images begin anew. target:
@@ -140,9 +140,10 @@ def _catmull_rom(p: NdArray, knots: NdArray, t: float) -> NdArray:
 class RandomMotion:
     """Lets things and cameras move evenly up to the poses that were drawn for them.
 
-    things: entities. speed: metres a second, in any direction. spin: radians a second about any
+    things: entities. speed: metres per second, in any direction. spin: radians per second about any
     axis through the entity's origin. interval: seconds of the step that led here; the scene's time
-    grows by it, and flow is backward over it. Run it last: what is placed later has jumped.
+    grows by it, and flow is backward over it. Run it last: a thing that is placed later has no
+    flow.
     """
 
     def __init__(

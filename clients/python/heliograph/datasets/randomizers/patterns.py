@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-_SIZE = 608  # 1.1 MB: what travels once, by its hash, so that a data set keeps it once
+_SIZE = 608  # 1.1 MB: large enough to travel once, by its hash, so that a data set keeps it once
 _EACH = 3  # of a kind
 Generator = np.random.Generator
 

@@ -26,10 +26,10 @@ CACHE_BYTES = 1 << 30
 
 
 class Pictures:
-    """A list of pictures. Those that were shown last stay decoded, so many bytes of them, and the
-    very last one whatever it has.
+    """List of pictures. The last ones shown stay decoded, up to a number of bytes, and the very
+    last one whatever its size.
 
-    Overlays get the texels, not the file, so that a data set keeps what its images were made of.
+    Overlays get the texels, not the file, so that a data set keeps all inputs of its images.
     Thread: one at a time.
     """
 
@@ -46,7 +46,7 @@ class Pictures:
         return len(self.listed)
 
     def texels(self, client: Client, choice: int) -> tuple[NdArray, bool]:
-        """(H, W) or (H, W, C), and whether they are encoded as sRGB."""
+        """Texels (H, W) or (H, W, C), and True if they are encoded as sRGB."""
         image = self.listed[choice]
         if isinstance(image, np.ndarray):
             return image, image.dtype == np.uint8
@@ -61,7 +61,7 @@ class Pictures:
         return sum(texels.nbytes for texels, _ in self._texels.values())
 
     def radiance(self, client: Client, choice: int) -> NdArray:
-        """Linear: what is encoded is decoded, to float16."""
+        """Linear texels: sRGB is decoded, to float16."""
         texels, encoded = self.texels(client, choice)
         return linear(texels / np.float32(255)).astype("<f2") if encoded else texels
 
@@ -74,7 +74,7 @@ def _texels_of(client: Client, image: Any) -> tuple[NdArray, bool]:
 
 
 def decoded(client: Client, path: str | os.PathLike[str]) -> tuple[NdArray, bool]:
-    """The texels of a file as the daemon decodes them, and whether they are encoded as sRGB."""
+    """Texels of a file as the daemon decodes them, and True if they are encoded as sRGB."""
     with client.create_scene() as scratch:
         with scratch.edit() as edit:
             edit.texture("picture", path)
@@ -109,7 +109,8 @@ def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
 
 
 def _absolute(image: str | os.PathLike[str]) -> Path:
-    """It is read at the first draw that takes it, wherever the process is by then."""
+    """Absolute path of an image, which is read at the first draw that takes it, wherever the
+    process is by then. NotFound."""
     path = Path(image).absolute()
     if not path.is_file():
         raise NotFound(f"images: no file {image}", field="images")

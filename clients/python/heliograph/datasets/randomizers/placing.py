@@ -32,12 +32,12 @@ class Scatter:
     the pose that they have; False: any rotation, uniformly, resting on the lowest vertex. around,
     radius: only points within so many metres of a point or an entity's middle, default the
     surface's middle; radius default: a disc four times as large as the things' own, math.inf: the
-    whole surface. spacing: metres between the things' world boxes. overhang: whether a thing may
-    reach over the surface's edge. avoid: further entities that they may not intersect.
+    whole surface. spacing: metres between the things' world boxes. overhang: True lets things reach
+    over the surface's edge. avoid: further entities that they may not intersect.
     tries: poses for a thing before ResourceExhausted.
 
-    Whether things intersect each other, the surface or `avoid` is told by their triangles, rest
-    shapes at the scene's time. On a surface that is curved they touch the tangent plane.
+    Tests for intersection with each other, the surface and `avoid` use the triangles of rest shapes
+    at the scene's time. On a curved surface things touch the tangent plane.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Scatter:
     def _stand(
         self, rng: np.random.Generator, body: Body, base: NdArray, patch: Patch
     ) -> tuple[NdArray, NdArray]:
-        """A world pose that touches the surface, and (4, 3) the corners of what it covers."""
+        """World pose that touches the surface, and (4, 3) corners of the area that it covers."""
         point, normal = patch.point(rng)
         if self.upright:
             turned = ranges.turn(normal, 2 * math.pi * rng.random()) @ ranges.turn_onto(normal)

@@ -1,4 +1,4 @@
-"""What randomizers draw numbers from: ranges, directions, rotations. Used by all of them."""
+"""Distributions of the randomizers: ranges, directions, rotations. Used by all of them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LogUniform:
 
 
 class Choice:
-    """One of some values, all with the same probability."""
+    """Distribution over some values, all with the same probability."""
 
     def __init__(self, *values: Any) -> None:
         if not values:
@@ -100,7 +100,7 @@ def _ends(given: Any, limits: tuple[float, float]) -> tuple[float, float] | None
 
 
 def number(rng: np.random.Generator, given: Any) -> float:
-    """One number of a Range."""
+    """Draws one number of a Range."""
     if callable(given):
         return float(given(rng))
     if np.ndim(given) == 0:
@@ -109,7 +109,7 @@ def number(rng: np.random.Generator, given: Any) -> float:
 
 
 def whole(rng: np.random.Generator, given: Any) -> int:
-    """One whole number of a Range, both ends of which count."""
+    """Draws one whole number of a Range, both ends included."""
     if callable(given):
         return int(given(rng))
     if np.ndim(given) == 0:
@@ -118,8 +118,8 @@ def whole(rng: np.random.Generator, given: Any) -> int:
 
 
 def color(rng: np.random.Generator, given: Any) -> NdArray:
-    """(3,) linear: of ((r, g, b), (r, g, b)) uniform between them; of one (r, g, b) that; of a
-    callable (rng) what it says."""
+    """Draws a linear colour (3,): uniform between ((r, g, b), (r, g, b)); one (r, g, b) as it is;
+    or the value of a callable (rng)."""
     if callable(given):
         return np.asarray(given(rng), dtype="f8")
     ends = np.asarray(given, dtype="f8")
@@ -143,7 +143,7 @@ def checked_color(given: Any, field: str) -> Any:
 
 
 class HsvColor:
-    """Linear colours of uniform hue, saturation and value of sRGB: what looks evenly mixed."""
+    """Linear colours of uniform hue, saturation and value of sRGB, which look evenly mixed."""
 
     def __init__(self, saturation: Range = (0.2, 0.9), value: Range = (0.3, 0.95)) -> None:
         self.saturation = checked_range(saturation, "saturation", 0, 1)

@@ -29,8 +29,8 @@ class Settle:
     things: entities, each a rigid body: the convex hull of its vertices, of even density. on:
     entities that stay where they are, by their triangles. seconds: how long they fall, a Range; by
     default until they rest, at most as long as 10 s are to things 1 m large. friction,
-    restitution: of every contact. velocity: metres a second, of any direction, at the beginning;
-    spin: radians a second.
+    restitution: of every contact. velocity: metres per second, of any direction, at the beginning;
+    spin: radians per second.
 
     Things must not meet at the beginning (InVolume and Scatter see to it); what leaves the surface
     falls on. Needs PyBullet: pip install 'heliograph[physics]'. It is run in DIRECT mode, in a
@@ -111,7 +111,7 @@ class _World:
             "changeDynamics",
             body,
             -1,
-            # Of a contact it takes the product of what both bodies have.
+            # PyBullet multiplies both bodies' values for a contact: each gets the square root.
             lateralFriction=math.sqrt(self.contact.friction),
             restitution=math.sqrt(self.contact.restitution),
             rollingFriction=0.002,
@@ -158,7 +158,7 @@ class _World:
         return True
 
     def poses(self) -> list[NdArray]:
-        """World poses of what fell, in metres."""
+        """World poses of the things that fell, in metres."""
         out = []
         for made, pose, middle in self._falling:
             position, xyzw = self.call("getBasePositionAndOrientation", made)

@@ -46,7 +46,8 @@ class Surface:
         return Patch(self, around, radius)
 
     def carries(self, points: NdArray, tolerance: float) -> bool:
-        """Whether each point (N, 3) lies on it, within `tolerance` metres along the normal."""
+        """True if each point (N, 3) lies on the surface, within `tolerance` metres along the
+        normal."""
         a, b, c = self.corners.transpose(1, 0, 2)
         to = points[:, None, :] - a
         off = np.abs(np.einsum("ntk,tk->nt", to, self.normals)) <= tolerance

@@ -1,4 +1,4 @@
-"""Many things at once in what a camera sees. Used by the scene MESH."""
+"""Many things at once in a camera's view. Used by the scene MESH."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class MeshScene(PaperScene):
 
     objects, shapes, materials: how many there are; every mesh is an instance of its category, the
     shape's number. depth: metres, (nearest, farthest) from the camera. size: metres, of the longest
-    side. speed: metres a second; spin: radians a second; interval: seconds between two frames.
+    side. speed: metres per second; spin: radians per second; interval: seconds between two frames.
     lights: (least, most). ambient: radiance of the uniform dome.
     """
 

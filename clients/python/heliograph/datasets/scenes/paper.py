@@ -1,4 +1,4 @@
-"""PaperScene: what DOME, MESH and FAT have in common."""
+"""PaperScene: common base of DOME, MESH and FAT."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PaperScene:
-    """What the three have in common. A setting of another kind than its default is refused.
+    """Base of the three paper scenes. A setting of another kind than its default is refused.
 
-    width, height: pixels; fov: radians along the width. seed: of what the scene is made of, not of
-    the draws. models: files; a category each, by the file's name; default: bundled household goods.
-    model_size: metres of their longest sides, 0: as they are. objects: how many, over all.
+    width, height: pixels; fov: radians along the width. seed: of the scene's content, not of the
+    draws. models: files; a category each, by the file's name; default: bundled household goods.
+    model_size: metres of their longest sides, 0: as they are. objects: their number, over all.
     roulette_depth: of Scene.render.
     """
 
@@ -50,11 +50,11 @@ class PaperScene:
 
     @property
     def options(self) -> dict[str, Any]:
-        """How the scene is best rendered: options of Scene.render, for generate()."""
+        """Options of Scene.render that suit the scene, for generate()."""
         return {"roulette_depth": self.roulette_depth}
 
     def build(self, scene: Scene) -> tuple[Entity, Compose]:
-        """Makes the scene; its camera, and what randomizes it."""
+        """Makes the scene; returns its camera and its randomizer."""
         raise NotImplementedError
 
     def _camera(self, edit: Edits, pose: Any) -> Entity:
@@ -81,7 +81,7 @@ class PaperScene:
 
 @dataclass(frozen=True)
 class DomedScene(PaperScene):
-    """What DOME and FAT have in common.
+    """Base of the paper scenes under a dome: DOME and FAT.
 
     domes: lat-long pictures, files or one folder; default: hd.bundled_domes().
     """

@@ -50,14 +50,14 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _beside(path: Path, names: Any) -> Any:
-    """Paths relative to a file; what is no list of them is left for make_scene() to refuse."""
+    """Paths relative to a file; make_scene() refuses anything but a list of them."""
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         return names
     return [str(path.parent / name) for name in names]
 
 
 def settings_text(scene: PaperScene) -> str:
-    """All settings as TOML: its numbers, texts and arrays are written as JSON's are."""
+    """Settings as TOML: numbers, texts and arrays are written as JSON's are."""
     lines = []
     for field in dataclasses.fields(scene):
         value = getattr(scene, field.name)

@@ -1,5 +1,5 @@
-"""Household goods made of numbers, with printed labels: what the scene generators show where no
-models are given."""
+"""Household goods made of numbers, with printed labels: the default of scene generators without
+models."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PRINT = (512, 1024)  # rows, columns of a label
 
 def add_wares(edit: Edits, count: int = 12, *, seed: int = 0) -> Group:
     """Entities "ware/0" .. about the origin, standing: can, carton, bottle, mug, bowl, ball in
-    turn, each a category, 7 to 24 cm large, in three prints. The same for the same seed."""
+    turn, each a category, 7 to 24 cm large, in three prints. The seed determines them."""
     made: list[Entity] = []
     looks: dict[tuple[str, int], tuple[Any, Any]] = {}
     edit.categories(*_MAKERS)

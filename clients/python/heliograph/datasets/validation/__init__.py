@@ -1,4 +1,4 @@
-"""validate(): a data set against its format. Shares no code with what writes data sets."""
+"""validate(): a data set against its format. Shares no code with the writers."""
 
 from __future__ import annotations
 

@@ -37,9 +37,9 @@ CHECKS = {
     "image_files": "picture, depth and masks of an image are there and of one size",
     "camera": "cam_K is row-wise with positive focal lengths, depth_scale is positive",
     "poses": "rotations are orthonormal with determinant 1",
-    "behind": "what is seen is before the camera (t_z > 0)",
+    "behind": "visible instances are before the camera (t_z > 0)",
     "objects": "obj_id names a model",
-    "models": "models_info.json is what the PLY files have: box, diameter, symmetries; the origin "
+    "models": "models_info.json agrees with the PLY files: box, diameter, symmetries; the origin "
     "is the box's centre",
     "units": "translations, models and depth are in mm: depth at the mask against |t|, sizes",
     "depth": "depth is 16-bit grey, along the optical axis, and lies within the object where it "
@@ -71,7 +71,8 @@ _INFO = {
     "visib_fract": NUMBER,
 }
 _OBJECT = Kind("an object", lambda v: isinstance(v, dict))
-# By distance, what is just behind counts as visible. Neither a title nor a table of names says so.
+# Visibility by distance counts what is just behind as visible. A title or a table of names does not
+# say that it was used.
 _DELTA = re.compile(r"^(?![#|]).*\bdelta\b", re.MULTILINE)
 
 
@@ -110,7 +111,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _pictures(scene: Path, faults: Faults) -> Iterator[Picture]:
-    """The images of a scene, with what its JSON files say of them."""
+    """Images of a scene as its JSON files describe them."""
     names = ("scene_camera", "scene_gt", "scene_gt_info")
     tables = {name: read_object(scene / f"{name}.json") for name in names}
     kinds = {"scene_camera": _OBJECT, "scene_gt": LIST, "scene_gt_info": LIST}

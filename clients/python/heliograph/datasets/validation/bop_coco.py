@@ -82,7 +82,7 @@ def check_rows(
             faults.add(
                 "coco_mask",
                 path,
-                f"{name}: segmentation and area ({row.get('area')}) are not those of mask_visib, "
+                f"{name}: segmentation and area ({row.get('area')}) differ from mask_visib, "
                 f"which has {int(seen.sum())} pixels: encode it column by column",
             )
         if bool(row.get("ignore")) != (fraction < _IGNORED_BELOW):

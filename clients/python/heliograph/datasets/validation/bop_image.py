@@ -1,4 +1,4 @@
-"""One image of BOP: camera, poses, masks, depth. Used by bop.py."""
+"""Checks of one image of BOP: camera, poses, masks, depth. Used by bop.py."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HIDDEN = [-1, -1, -1, -1]
 
 @dataclass
 class Picture:
-    """What the JSON files of a scene say of an image."""
+    """Image of a scene as its JSON files describe it."""
 
     number: int
     camera: dict[str, Any]
@@ -75,8 +75,8 @@ class _Image:
                 self._fault(
                     "mask_disjoint",
                     instance,
-                    f"shares pixels with instance {owner[instance.seen].max() - 1}: a pixel is of "
-                    "the nearest one only",
+                    f"shares pixels with instance {owner[instance.seen].max() - 1}: a pixel "
+                    "belongs to the nearest one only",
                 )
             owner[instance.seen] = instance.number + 1
             self._info(instance, depth)
@@ -93,7 +93,7 @@ class _Image:
     # ------------------------------------------------------------ files
 
     def _size(self) -> tuple[int, int] | None:
-        """Of the picture."""
+        """(width, height) of the picture's file; None, and a fault, where there is none."""
         names = [
             self.scene / folder / f"{self.picture.number:06d}.{ending}"
             for folder in ("rgb", "gray")
@@ -213,7 +213,7 @@ class _Image:
                 "bbox_visib",
                 instance,
                 f"bbox_visib is {info['bbox_visib']}: needs {expected_box} (width and height are "
-                "last - first; -1 of what is not seen)",
+                "last - first; -1 for a hidden instance)",
             )
         self._box_of_all(instance)
 
@@ -225,7 +225,7 @@ class _Image:
                 self._fault(
                     "bbox_obj",
                     instance,
-                    f"bbox_obj is {given}: of what is not seen it is {_HIDDEN}",
+                    f"bbox_obj is {given}: a hidden instance has {_HIDDEN}",
                 )
             return
         inner = _box(whole)
@@ -343,6 +343,6 @@ def _reach(points: NdArray) -> NdArray:
 
 
 def _box(mask: NdArray) -> list[int]:
-    """As scene_gt_info has it."""
+    """Box of a mask by scene_gt_info: x, y, width, height, where the last two are last - first."""
     x0, y0, x1, y1 = extent(mask)
     return [x0, y0, max(0, x1 - x0 - 1), max(0, y1 - y0 - 1)]

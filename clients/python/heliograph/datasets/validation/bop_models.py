@@ -16,7 +16,7 @@ from .report import Faults
 
 _SIZES = [f"{what}_{axis}" for what in ("min", "size") for axis in "xyz"]
 _INFO = {**dict.fromkeys(_SIZES, NUMBER), "diameter": NUMBER}
-_MANY = 5000  # vertices; of more, those that are outermost in some direction tell as much
+_MANY = 5000  # vertices; of more, the outermost in some direction tell as much
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Model:
 
 
 def read_models(folder: Path, faults: Faults) -> dict[int, Model]:
-    """obj_id to model; what is wrong with them is a fault."""
+    """obj_id to model. Adds their faults."""
     models = {}
     for key, info in read_object(folder / "models_info.json").items():
         number = int(key)
@@ -109,7 +109,7 @@ def _check_symmetries(path: Path, number: int, info: dict[str, Any], faults: Fau
 
 
 def _outermost(points: NdArray) -> NdArray:
-    """Those of many points that are farthest in one of 4096 directions (a Fibonacci sphere)."""
+    """Points that are farthest in one of 4096 directions (a Fibonacci sphere), of many points."""
     if len(points) <= _MANY:
         return points
     i = np.arange(4096) + 0.5

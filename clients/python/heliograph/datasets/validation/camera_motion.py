@@ -1,4 +1,5 @@
-"""Where the camera is in the other frame of a flow, by the flow itself. Used by frame_planes.py."""
+"""Pose of the camera in the other frame of a flow, from the flow itself. Used by
+frame_planes.py."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ def _sample(count: int) -> NdArray:
 
 
 def _linearised(lens: Lens, seen: NdArray, pixels: NdArray) -> tuple[NdArray, NdArray]:
-    """(N, 2) what is left, (N, 2, 6) its change by a turn and a step of the camera's frame."""
+    """Residual (N, 2), and its Jacobian (N, 2, 6) by a turn and a step of the camera's frame."""
     visible = lens.sees(seen, 1e-3)
     seen = np.where(visible[:, None], seen, (0, 0, 1))
     error = np.where(visible[:, None], pixels - lens.project(seen), 0.0)

@@ -24,7 +24,8 @@ from .report import Faults
 CHECKS = {
     "format": "files are JSON with images, categories and annotations and their fields",
     "ids": "ids of images, annotations and categories are unique; the latter two start at 1",
-    "references": "image_id and category_id name what is there, skeletons name keypoints",
+    "references": "image_id and category_id name images and categories of the file, "
+    "skeletons name keypoints",
     "image_files": "each image's file is there and has its width and height",
     "counts": "as many pictures as images, as many images as the data set was to have",
     "segmentation": "run lengths are of the image's size and fill it, polygons have 3 points or "
@@ -75,7 +76,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _folders(root: Path, path: Path) -> list[Path]:
-    """Where the pictures of a file of annotations/ may be: by the split in its name."""
+    """Folders that the pictures of a file of annotations/ may be in: by the split in its name."""
     split = path.stem.rpartition("_")[2] if "_" in path.stem else ""
     named = [root / "images" / split, root / split] if split else []
     return [*named, root / "images", root]
@@ -134,8 +135,8 @@ def check_images(
 
 
 class _Image:
-    """One image: its annotations one by one, and the pixels of their masks. A mask is looked at
-    by its runs alone, which are fewer than its pixels."""
+    """Check of one image: its annotations one by one, and the pixels of their masks. It reads masks
+    as runs, which are fewer than pixels."""
 
     def __init__(
         self, path: Path, image: dict[str, Any], categories: dict[int, Any], faults: Faults
@@ -283,7 +284,7 @@ class _Image:
 
 
 def _hint(box: list[float], expected: list[int]) -> str:
-    """What the mistake looks like."""
+    """Hint at the likely mistake in a box; "" for none."""
     x, y, w, h = expected
     if list(box) == [x, y, w - 1, h - 1]:
         return " (width and height count pixels: last - first + 1)"

@@ -1,4 +1,4 @@
-"""Where the images and annotations of a COCO file are, in 40 bytes each. Used by coco.py."""
+"""Index of the images and annotations of a COCO file, 40 bytes each. Used by coco.py."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PANOPTIC = {
 
 @dataclass
 class Index:
-    """One file of annotations/."""
+    """Index of one file of annotations/."""
 
     path: Path
     categories: dict[int, dict[str, Any]] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Index:
         return np.frombuffer(rows, np.int64).reshape(-1, columns)
 
     def pieces(self) -> Iterator[tuple[Span, list[Span]]]:
-        """Every image with its annotations, by image id, then in the file's order."""
+        """Yields every image with its annotations, by image id, then in the file's order."""
         images = self.table(self.images, 3)
         images = images[np.argsort(images[:, 0], kind="stable")]
         rows = self.table(self.annotations, 4)
@@ -56,7 +56,7 @@ class Index:
 
 
 def read_index(path: Path, faults: Faults) -> Index:
-    """Reads a file once; what is wrong with its rows, ids and references is a fault."""
+    """Reads a file once; adds the faults of its rows, ids and references."""
     index = Index(path)
     category_ids: list[int] = []
     used: set[int] = set()

@@ -23,7 +23,7 @@ from .geometry import is_unit, rotation_of
 from .report import Faults, Malformed
 
 CHECKS = {
-    "format": "cameras.txt, images.txt (two lines an image) and points3D.txt have their fields",
+    "format": "cameras.txt, images.txt (two lines per image) and points3D.txt have their fields",
     "ids": "ids of cameras, images and points are there once and start at 1, names once",
     "references": "images name cameras and points that are there",
     "cameras": "models are COLMAP's with as many parameters, focal lengths and sizes positive",
@@ -103,7 +103,7 @@ def _check_ids(path: Path, what: str, ids: Counter[int], faults: Faults) -> None
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """Without comments."""
+    """Lines of a file, without comments. Malformed where it is not there."""
     if not path.is_file():
         raise Malformed(path, "is not there, and a model has it: write it, if need be empty")
     with open(path) as file:

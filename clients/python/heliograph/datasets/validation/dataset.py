@@ -1,4 +1,4 @@
-"""What generate() keeps about a data set in DIR/.heliograph, read as files."""
+"""Checks of DIR/.heliograph, where generate() keeps records of a data set, read as files."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def check_counts(own: Path, names: list[str], faults: Faults) -> None:
-    """How many of the images are there, and where all are, the format's files?"""
+    """Checks that all images are there, and, if they are, the format's files."""
     format_name = _format_of(own)
     made, described = _listed(own / "records"), _listed(own / "manifests")
     missing = [name for name in names if name not in made]
@@ -66,7 +66,7 @@ def check_counts(own: Path, names: list[str], faults: Faults) -> None:
             own,
             f"{len(names) - len(missing)} of {len(names)} images{a_set} are there, the first that "
             f"is missing is {Path(missing[0]).stem}: call generate() again with the same "
-            "arguments, it makes what is missing",
+            "arguments, it makes the missing ones",
         )
     elif format_name:
         _check_files(own.parent, format_name, faults)
@@ -100,7 +100,7 @@ def _check_files(root: Path, format_name: str, faults: Faults) -> None:
             "files",
             root,
             f"all images of a {format_name} set are done, and its files are not there, such as "
-            f"{named.looks_for}: copy them, or call generate() again, which writes what is of the "
+            f"{named.looks_for}: copy them, or call generate() again, which writes those of the "
             "whole set; with resume=False all",
         )
     elif named is None and not any(one.found(root) for one in WRITTEN.values()):
@@ -140,7 +140,7 @@ def _check_bytes(path: Path, told: str, faults: Faults) -> None:
 
 
 def check_decodings(blobs: Path, paths: list[Path], faults: Faults) -> None:
-    """What the daemon decoded for overlays: requests whose files are blobs."""
+    """Checks the kept requests of decodings: each file that they name is a blob."""
     for path in paths:
         try:
             request = service.DecodeAssetRequest.FromString(path.read_bytes())

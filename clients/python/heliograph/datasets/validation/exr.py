@@ -74,7 +74,7 @@ def check_frames(pairs: list[tuple[Path, Path]], faults: Faults) -> None:
 
 
 def wrong_content(content: dict[str, Any]) -> str:
-    """What is wrong with the fields of a label file."""
+    """Fault of the fields of a label file; "" when there is none."""
     wrong = fields_of(content, SHOT)
     sizes = {"K": (3, 3), "camera_from_world_cv": (4, 4)}
     for name, (rows, columns) in sizes.items():
@@ -105,7 +105,7 @@ def _report(faults: Faults, path: Path, check: str, message: str) -> None:
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """That of an EXR's first part."""
+    """Header of an EXR's first part."""
     with _READING:
         found: dict[str, Any] = openexr().File(str(path), header_only=True).header()
     return found

@@ -13,7 +13,7 @@ import numpy as np
 from ..._wire.arrays import NdArray
 from .report import Faults, Malformed
 
-OWN = ".heliograph"  # what a data set keeps about itself; no format's files
+OWN = ".heliograph"  # records of generate(); no format's files
 PICTURES = (".png", ".jpg", ".jpeg")
 _CHUNK = 1 << 20
 
@@ -46,7 +46,7 @@ def batches(rows: Iterable[Any], size: int) -> Iterator[list[Any]]:
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file holds."""
+    """Content of a JSON file. Malformed."""
     try:
         return json.loads(path.read_bytes())
     except FileNotFoundError:
@@ -56,7 +56,7 @@ def read_json(path: Path) -> Any:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """What a JSON file holds, which is an object."""
+    """Object in a JSON file. Malformed for anything else."""
     found = read_json(path)
     if not isinstance(found, dict):
         raise Malformed(path, f"holds a {type(found).__name__}: the format has an object {{...}}")
@@ -64,7 +64,7 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def wanted_count(root: Path) -> int | None:
-    """How many images the data set was to have, None where dataset.json does not say."""
+    """Number of images that the data set was to have; None where dataset.json does not say."""
     path = root / OWN / "dataset.json"
     if not path.is_file():
         return None
@@ -75,8 +75,8 @@ def wanted_count(root: Path) -> int | None:
 
 
 def read_yaml(path: Path) -> dict[Any, Any]:
-    """What a YAML file holds, which is a mapping. Aliases are refused: with them a few lines can
-    stand for gigabytes."""
+    """Mapping in a YAML file. Malformed. Aliases are refused: with them a few lines can stand for
+    gigabytes."""
     import yaml
 
     try:
@@ -88,7 +88,7 @@ def read_yaml(path: Path) -> dict[Any, Any]:
         raise Malformed(path, f"is no YAML ({reason}): write it anew") from None
     if aliases:
         line = aliases[0].start_mark.line + 1
-        raise Malformed(path, f"line {line} has an alias (*name): write out what it stands for")
+        raise Malformed(path, f"line {line} has an alias (*name): write its value out")
     if not isinstance(found, dict):
         raise Malformed(path, f"holds a {type(found).__name__}: needs lines of `name: value`")
     return found
@@ -104,11 +104,11 @@ class Row(NamedTuple):
 
 
 class JsonRows:
-    """The items of the arrays of a JSON file's top-level object one by one, and its other values,
-    in the file's order, in memory for one of them. keys: those that were met.
+    """Iterator over the items of the arrays of a JSON file's top-level object, and its other
+    values, in the file's order, with one of them in memory. keys: the ones met so far.
 
-    Bytes are decoded as Latin-1, a character each, so that positions are the file's; a value with
-    others than ASCII is decoded once more, as UTF-8.
+    Bytes are decoded as Latin-1, one character per byte, so that positions are the file's; a value
+    that is not ASCII is decoded once more, as UTF-8.
     """
 
     def __init__(self, path: Path) -> None:
@@ -143,7 +143,7 @@ class JsonRows:
         self.expect("]")
 
     def more(self) -> bool:
-        """Reads on, forgetting what is behind."""
+        """Reads on and drops the text already parsed."""
         found = self.file.read(max(_CHUNK, len(self.text)))
         self.start += self.at
         self.text, self.at = self.text[self.at :] + found.decode("latin-1"), 0
@@ -191,7 +191,7 @@ class JsonRows:
 
 
 class Kind(NamedTuple):
-    """What a field may hold, in words and as a test."""
+    """Kind of a field's value, in words and as a test."""
 
     words: str
     holds: Callable[[Any], bool]
@@ -220,7 +220,7 @@ def numbers(count: int) -> Kind:
 
 
 def fields_of(row: Any, needed: Mapping[str, Kind]) -> str:
-    """What is wrong with the fields of an object: "" when nothing is."""
+    """Fault of the fields of an object; "" when there is none."""
     if not isinstance(row, dict):
         return f"is {row!r:.60}: needs an object with {', '.join(needed)}"
     for name, kind in needed.items():
@@ -261,7 +261,7 @@ def read_picture(path: Path) -> NdArray:
 def check_size(
     faults: Faults, check: str, path: Path, expected: tuple[int, int], source: str
 ) -> bool:
-    """Is a picture there, and of that width and height? What is wrong is a fault."""
+    """Checks that a picture is there, and of that width and height. Adds faults."""
     if not path.is_file():
         faults.add(check, path, f"is not there, and {source} names it: write it, or its entry off")
         return False

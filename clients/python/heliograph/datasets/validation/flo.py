@@ -20,7 +20,7 @@ CHECKS = {
     "format": "pictures can be read",
     "magic": "a file begins with PIEH, 202021.25 as a little-endian float",
     "size": "width and height, in this order, are those of the picture and fill the file",
-    "unknown": "what is unknown is beyond 1e9 in both components, nothing is NaN",
+    "unknown": "unknown flow is beyond 1e9 in both components, nothing is NaN",
     "range": "flow is in pixels: no more than the picture's size as a rule",
     "pictures": "other-data has frame10.png and frame11.png of each flow10.flo, of one size",
     "counts": "as many flows as images asked for, as many as other-data has",

@@ -1,4 +1,4 @@
-"""Format: what each module of this package says about its format. Used by run.py and docs."""
+"""Format: the description by each module of its format. Used by run.py and docs."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ Task = Callable[[Faults], None]  # picklable: a functools.partial of a module's 
 
 @dataclass(frozen=True)
 class Format:
-    """name: as in `--format` and before the dot of a check; title: as people write it.
+    """Format of data sets. name: as in `--format` and before the dot of a check; title: as people
+    write it.
 
-    looks_for: what found() goes by, in words. checks: name to what it makes sure of. tasks: the
-    pieces to look at, each on its own and in any order; what it can say by itself it adds.
+    looks_for: the criterion of found(), in words. checks: name to the property that it makes sure
+    of. tasks: makes the pieces to check, each on its own and in any order, and adds faults of the
+    whole.
     """
 
     name: str

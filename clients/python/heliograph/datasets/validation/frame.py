@@ -1,4 +1,4 @@
-"""Saved frames that stand alone: what Frame.save wrote as .exr or .npz, without a data set.
+"""Saved frames that stand alone: .exr or .npz files of Frame.save, without a data set.
 
 Planes as docs/planes.md has them; label columns as docs/python.md has them.
 """
@@ -52,7 +52,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 
 def _alone(root: Path, *endings: str) -> Iterator[Path]:
-    """Those that are of no data set of EXR frames."""
+    """Files that belong to no data set of EXR frames."""
     of_set = root / "exr" if (root / "labels").is_dir() else None
     return (path for path in files(root, *endings) if of_set not in path.parents)
 

@@ -1,4 +1,4 @@
-"""Label rows of a saved frame: what holds between their columns. Used by exr.py, webdataset.py and
+"""Label rows of a saved frame: relations between their columns. Used by exr.py, webdataset.py and
 parquet.py."""
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _BITS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) * 2.0 - 1
 
 
 class Shot:
-    """What there is once an image. content: width, height, K, camera_from_world_cv, by rows;
-    projection and distortion, where they are there. report, leave: take a fault, and a check that
-    cannot be made."""
+    """Labels of one image. content: width, height, K, camera_from_world_cv, by rows; projection and
+    distortion, where they are there. report, leave: take a fault, and a check that cannot be
+    made."""
 
     def __init__(self, content: dict[str, Any], report: Report, leave: Report) -> None:
         self.report, self.leave = report, leave
@@ -55,7 +55,7 @@ class Shot:
             report("camera", f"K is {self.K.tolist()}: needs positive focal lengths")
 
     def learn_lens(self, points: NdArray, pixels: NdArray, within: float) -> Lens:
-        """Of points (N, 3) seen at pixels (N, 2). Once it is known it stays."""
+        """Lens that shows points (N, 3) at pixels (N, 2). Once found it stays."""
         if self.lens is None:
             self.lens = lens_of(self.named, self.K, points, (pixels, within))
             if self.lens.kind == "other":
@@ -64,18 +64,18 @@ class Shot:
                 seen = self.lens.K
                 self.report(
                     "camera",
-                    f"K has fx, fy, cx, cy {_four(self.K)}, and what is seen says {_four(seen)}: "
+                    f"K has fx, fy, cx, cy {_four(self.K)}, and the points say {_four(seen)}: "
                     "it is of the rendered size, integers are pixel centres",
                 )
         return self.lens
 
     def may_see(self, points: NdArray, beyond: float = 0.0) -> NdArray:
-        """As Lens.sees."""
+        """True per point (N,) that the lens may show, as Lens.sees."""
         return (self.lens or self.named or Lens("perspective", self.K)).sees(points, beyond)
 
     def _other_lens(self) -> None:
         if self.named is None or self.has_table:
-            reason = "what is seen is of no pinhole, and the file has no projection and distortion"
+            reason = "the points fit no pinhole, and the file has no projection and distortion"
             if self.has_table:
                 reason = "a ray table tells no place in the image"
             for check in ("corners", "keypoints"):
@@ -84,8 +84,8 @@ class Shot:
             kind, told = self.named.kind, list(self.named.distortion)
             self.report(
                 "camera",
-                f"projection {kind} with distortion {told} does not bring what is seen to its "
-                "pixels, whatever K is: write the lens of this camera",
+                f"projection {kind} with distortion {told} does not bring points to their "
+                "pixels, for any K: write the lens of this camera",
             )
 
 

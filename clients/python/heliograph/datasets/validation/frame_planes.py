@@ -29,14 +29,14 @@ CHECKS = {
     "semantic": "pixels of an instance have its category's id, others 0",
     "part": "is 1 or more on an instance, else 0",
     "nocs": "nocs is 0.5 + (object point - box_center) / box diagonal",
-    "object_points": "world_from_object brings the point of object_coordinates to position (not of "
-    "what deforms)",
+    "object_points": "world_from_object brings the point of object_coordinates to position (for "
+    "rigid instances)",
     "flow": "there is one camera pose in which position + scene_flow is seen where flow_forward "
     "leads, within 0.05 px",
-    "flow_visible": "what is visible there is valid and within the image",
+    "flow_visible": "flow to a visible point is valid and leads into the image",
     "disparity": "disparity times depth is one number, focal length times baseline",
 }
-_NO_LENS = "what is seen is of no pinhole, and the file has no projection and distortion"
+_NO_LENS = "the points fit no pinhole, and the file has no projection and distortion"
 _PIXEL = 0.01  # px
 _FLOW = 0.05  # px
 
@@ -175,7 +175,7 @@ class Planes:
             )
 
     def _rows(self, position: NdArray, camera: NdArray, hit: NdArray) -> None:
-        """Of a rolling shutter: each row has a pose of its own."""
+        """Checks the rows of a rolling shutter, each of which has a pose of its own."""
         within = 4e-4 + 4e-5 * (np.abs(position).max(2) + np.abs(camera).max(2))
         rows = RowPoses(position, camera, np.where(hit, within, np.inf))
         self.turns = rows.turns
@@ -311,8 +311,8 @@ class Planes:
                 self._object_points(label, (center + inside, position[seen], within_box[seen]))
 
     def _object_points(self, label: int, what: tuple[NdArray, NdArray, NdArray]) -> None:
-        """What moves as one body, and is seen over half its box, is where its pose says; what
-        deforms, or is one part of many, is not looked at."""
+        """Checks that an instance that moves as one body, and is seen over half its box, is where
+        its pose says. Leaves out what deforms, and one part of many."""
         points, positions, shares = what
         pose = matrix(self.rows[label], "world_from_object")
         if rotation_fault(pose[:3, :3]):
@@ -392,7 +392,8 @@ class Planes:
 
 
 def _rigid_residual(points: NdArray, positions: NdArray) -> float:
-    """How far points (N, 3) stay from positions by the best rigid transform (Kabsch 1976)."""
+    """Largest distance, m, that the best rigid transform (Kabsch 1976) of points (N, 3) leaves to
+    positions."""
     a, b = points - points.mean(0), positions - positions.mean(0)
     u, _, v = np.linalg.svd(a.T @ b)
     turn = (u * (1, 1, np.sign(np.linalg.det(u @ v)))) @ v

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-ROTATION_WITHIN = 1e-3  # of R R^T from the identity: what five decimals of a file leave
+ROTATION_WITHIN = 1e-3  # of R R^T from the identity: the error of five decimals in a file
 
 
 def rotation_fault(rotation: NdArray) -> str:
-    """What is wrong with a (3, 3) rotation; "" when nothing is."""
+    """Fault of a (3, 3) rotation; "" when there is none."""
     product = rotation @ rotation.T
     error = float(np.abs(product - np.eye(3)).max())
     if error > ROTATION_WITHIN:
@@ -51,5 +51,5 @@ def project(K: NdArray, points: NdArray) -> NdArray:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle within [-pi, pi)."""
+    """Angle, radians, within [-pi, pi)."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

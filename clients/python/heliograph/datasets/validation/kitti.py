@@ -23,7 +23,7 @@ CHECKS = {
     "format": "labels have 15 fields with numbers, calibrations their matrices, PNGs can be read",
     "names": "files are called 000123.txt and .png, flow and disparity 000123_10.png",
     "counts": "each label has a picture and a calibration, each picture a label, ImageSets name "
-    "what is there",
+    "existing images",
     "calib": "P0 to P3 project (positive focal lengths), R0_rect and Tr_velo_to_cam rotate",
     "truncation": "truncated is within 0 to 1",
     "occlusion": "occluded is 0, 1, 2 or 3",

@@ -72,7 +72,7 @@ def _check_flow(path: Path, pixels: NdArray, faults: Faults) -> bool:
         faults.add(
             "flow_range",
             path,
-            f"{saturated} valid pixels have 0 or 65535: what does not fit 16 bits is invalid",
+            f"{saturated} valid pixels have 0 or 65535: values beyond 16 bits are invalid",
         )
     elif typical > max(pixels.shape[:2]):
         faults.add(
@@ -93,7 +93,7 @@ def _check_disparity(path: Path, pixels: NdArray, faults: Faults) -> bool:
         faults.add(
             "disparity",
             path,
-            f"{saturated} pixels have 65535: what is beyond 255.99 px is invalid, 0",
+            f"{saturated} pixels have 65535: values beyond 255.99 px are invalid, 0",
         )
     elif len(valid) and np.median(valid) / 256 > pixels.shape[1]:
         faults.add(
@@ -120,6 +120,6 @@ def _check_noc(path: Path, own: Path, noc: NdArray, faults: Faults) -> None:
         faults.add(
             check,
             own,
-            f"{differs} valid pixels are not those of {path.parent.name}: it is the same map "
-            "without what the second picture hides",
+            f"{differs} valid pixels differ from {path.parent.name}: it is the same map "
+            "without points that the second picture hides",
         )

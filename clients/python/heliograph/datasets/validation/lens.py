@@ -1,5 +1,5 @@
-"""Whether pixels are where K and the lens say: and of what lens they are otherwise. Used for saved
-frames."""
+"""Lens that fits pixels: checks K and the lens, and finds another one where they do not fit. Used
+for saved frames."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-_MOST = 0.8  # of the points: what they agree on is the camera's
+_MOST = 0.8  # of the points must agree with the camera
 RAY_TABLE = "ray_table"
 _KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")
 
 
 class Lens(NamedTuple):
-    """kind: a projection of docs/cameras.md, or "other", which is not looked at further, as of a
-    ray table, which tells no place in the image. K: (3, 3), what the points say, which is what was
-    told unless `told` is False. distortion: OpenCV's."""
+    """Lens of a saved frame. kind: a projection of docs/cameras.md, or "other", which is not
+    checked further, such as a ray table, which gives no place in the image. K: (3, 3), fitted to
+    the points; the stated one, unless `told` is False. distortion: OpenCV's."""
 
     kind: str
     K: NdArray
@@ -111,8 +111,8 @@ def _agree(seen: NdArray, pixels: NdArray, within: float) -> float:
 
 
 def _fitted(flat: NdArray, pixels: NdArray, within: float) -> NdArray:
-    """K by least squares, each time of those that fitted best before (least trimmed squares,
-    Rousseeuw 1984)."""
+    """K by least squares over the points that fitted best before, repeatedly (least trimmed
+    squares, Rousseeuw 1984)."""
     K = np.eye(3)
     for axis in (0, 1):
         rows = np.column_stack([flat[:, axis], np.ones(len(flat))])

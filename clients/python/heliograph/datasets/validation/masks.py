@@ -21,7 +21,7 @@ def counts_of_text(text: str) -> NdArray:
     """
     groups = np.frombuffer(text.encode("latin-1"), np.uint8).astype(np.int64) - 48
     if not len(groups) or (groups < 0).any() or (groups > 63).any():
-        raise ValueError(f"{text[:20]!r} has what is no character of compressed run lengths")
+        raise ValueError(f"{text[:20]!r} has characters that compressed run lengths have not")
     ends = np.flatnonzero(groups & 32 == 0)
     if not len(ends) or ends[-1] != len(groups) - 1:
         raise ValueError("compressed run lengths end within a number")
@@ -90,7 +90,7 @@ def extent(mask: NdArray) -> tuple[int, int, int, int]:
 
 
 def polygon_area(points: NdArray) -> float:
-    """Of (N, 2) vertices in order (the shoelace formula)."""
+    """Area of a polygon of (N, 2) vertices in order (the shoelace formula)."""
     x, y = points[:, 0], points[:, 1]
     return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
 

@@ -68,7 +68,7 @@ def found(root: Path) -> bool:
 
 
 def _described(root: Path) -> Iterator[Path]:
-    """The files of pictures: not those of the whole set, as _object_settings.json."""
+    """Files of pictures, without those of the whole set, such as _object_settings.json."""
     for path in files(root, ".json"):
         if path.name[0] != "_" and path.name != "model_info.json":
             yield path

@@ -36,7 +36,7 @@ CHECKS = {
     "intrinsics": "fl_x, fl_y, w, h are positive, cx, cy near the picture, camera_angle_x is "
     "2 atan(w / (2 fl_x))",
     "poses": "transform_matrix is 4x4 by rows, rigid, without scale",
-    "convention": "cameras look down -z at what they have in common (OpenGL), not away from it",
+    "convention": "cameras look down -z at a common point (OpenGL), not away from it",
     "ids": "file_path names a picture once",
     "counts": "as many frames as images asked for",
 }
@@ -94,7 +94,7 @@ def _pose(path: Path, i: int, frame: dict[str, Any], faults: Faults) -> NdArray 
 
 
 def _check_convention(path: Path, poses: list[NdArray], faults: Faults) -> None:
-    """Where the optical axes of all cameras come nearest to each other is before the cameras."""
+    """Checks that the point nearest to the optical axes of all cameras is before the cameras."""
     if len(poses) < 3:
         return
     origins = np.stack([pose[:3, 3] for pose in poses])

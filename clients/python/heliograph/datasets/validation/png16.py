@@ -71,7 +71,7 @@ def _unfiltered(lines: NdArray, pixel: int) -> NdArray:
 
 
 def _sequential(row: list[int], above: list[int], pixel: int, kind: int) -> list[int]:
-    """The filters that look at what they have just made: 3 average, 4 Paeth."""
+    """Undoes the filters that depend on bytes just decoded: 3 average, 4 Paeth."""
     for i in range(len(row)):
         left, corner = (row[i - pixel], above[i - pixel]) if i >= pixel else (0, 0)
         up = above[i]

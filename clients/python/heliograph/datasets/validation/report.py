@@ -1,4 +1,4 @@
-"""What a validation found: Fault, Report, and Faults, which gathers them for one format."""
+"""Results of a validation: Fault, Report, and Faults, which gathers them for one format."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 
 class Fault(NamedTuple):
-    """check: "coco.bbox"; file: relative to the data set; message: what was expected, what was
-    found, and how to fix it."""
+    """Fault of a data set. check: "coco.bbox"; file: relative to the data set; message: the
+    expected and the found value, and the remedy."""
 
     check: str
     file: str
@@ -28,11 +28,11 @@ class LeftOut(NamedTuple):
 
 @dataclass
 class Report:
-    """What validate() returns.
+    """Result of validate().
 
-    formats: those that were recognised or asked for. faults: at most `limit` a check, in a fixed
-    order. counts: check to the number of all its faults. checked: format to the number of pieces
-    (images, scenes, shards or files) looked at. left_out: checks that could not be made, and why.
+    formats: recognised, or asked for. faults: at most `limit` per check, in a fixed order. counts:
+    check to the number of all its faults. checked: format to the number of pieces (images, scenes,
+    shards or files) looked at. left_out: checks that could not be made, and why.
     """
 
     directory: str
@@ -44,7 +44,7 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Nothing is wrong."""
+        """True without a fault."""
         return not self.counts
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class Report:
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Everything, as JSON has it."""
+        """Report as an object of JSON."""
         return {
             "directory": self.directory,
             "ok": self.ok,
@@ -92,7 +92,7 @@ class Faults:
 
     @property
     def left_out(self) -> list[LeftOut]:
-        """What leave() was told."""
+        """Checks passed to leave(), with their numbers."""
         return [LeftOut(*each, count) for each, count in sorted(self.left.items())]
 
     def leave(self, check: str, reason: str) -> None:
@@ -113,7 +113,7 @@ class Faults:
             self.kept.append(fault)
 
     def merge(self, other: Faults) -> None:
-        """Adds what another one has, after what is here."""
+        """Appends the faults and counts of another one."""
         for fault in other.kept:
             self._keep(fault)
         self.counts.update(other.counts)

@@ -12,8 +12,8 @@ _FLAT = 1e-3  # of a row's points: with less beside their line, their turn about
 
 
 class RowPoses:
-    """What brings each row's points of the world (H, W, 3) to the camera (H, W, 3), where they are
-    known: `within` is finite, m that rounding may leave.
+    """Poses of rows: bring each row's points of the world (H, W, 3) to the camera (H, W, 3), where
+    they are known: `within` is finite, m that rounding may leave.
 
     error: (H, W) m that the best rigid transform of a row leaves (Kabsch 1976), but for up to
     eight points that fit worst. turns: (H, 3, 3) rotations, nan where a row's points lie on a line.
@@ -47,8 +47,8 @@ def _fit(a: NdArray, b: NdArray) -> tuple[NdArray, NdArray, float]:
 
 
 def middle_error(error: NdArray, hit: NdArray) -> tuple[float, float]:
-    """What a pose leaves (H, W) in the middle rows, which it is of; and what an even motion makes
-    of it there, by how it grows towards the others."""
+    """Error that a pose leaves (H, W) in the middle rows, whose pose it is; and the part that even
+    motion makes of it there, by its growth towards the other rows."""
     rows = np.flatnonzero(hit.any(1))
     away = np.abs(rows - (len(hit) - 1) / 2)
     left = np.array([np.median(error[y, hit[y]]) for y in rows])

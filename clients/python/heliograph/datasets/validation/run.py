@@ -21,11 +21,11 @@ from .formats import Format, Task
 from .report import Faults, Malformed, Report
 from .table import FORMATS
 
-_MALFORMED = (  # what reading a file raises that holds something else than was expected
+_MALFORMED = (  # errors of reading a file that holds something unexpected
     *(LookupError, TypeError, ValueError, ArithmeticError, AttributeError, EOFError, RuntimeError),
     *(struct.error, zlib.error, zipfile.BadZipFile, SyntaxError, tokenize.TokenError, MemoryError),
 )
-_UNEXPECTED = "holds what the format has not ({!r}): write it anew"
+_UNEXPECTED = "holds data that the format has not ({!r}): write it anew"
 
 
 def validate(
@@ -119,7 +119,7 @@ def _guarded(one: Format, faults: Faults) -> Iterator[Task]:
 
 
 def run_task(name: str, task: Task, root: Path, limit: int) -> Faults:
-    """The faults of one task. What it cannot read at all is a fault of the check `format`."""
+    """Faults of one task. A file that cannot be read at all is a fault of the check `format`."""
     faults = Faults(name, FORMATS[name].checks, root, limit)
     try:
         task(faults)

@@ -1,4 +1,4 @@
-"""All formats, by name."""
+"""Table of all formats, by name."""
 
 from __future__ import annotations
 

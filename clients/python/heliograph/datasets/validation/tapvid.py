@@ -116,7 +116,7 @@ def check_pickle(path: Path, root: Path | None, faults: Faults) -> None:
 
 
 def _check_video(path: Path, name: str, arrays: dict[str, Any], faults: Faults) -> None:
-    """Of one video's arrays."""
+    """Checks the arrays of one video. Malformed."""
     if not {"points", "occluded"} <= set(arrays):
         raise Malformed(path, f"{name}has {sorted(arrays)}: needs points and occluded")
     points, occluded, video = arrays["points"], arrays["occluded"], arrays.get("video")

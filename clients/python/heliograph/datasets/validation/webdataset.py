@@ -38,7 +38,7 @@ CHECKS = {
 
 @dataclass
 class _Sample:
-    """Where its members are: ending to (offset, size)."""
+    """Sample of a shard. members: ending to (offset, size), bytes."""
 
     key: str
     members: dict[str, tuple[int, int]] = field(default_factory=dict)

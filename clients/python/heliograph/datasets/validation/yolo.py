@@ -134,7 +134,7 @@ def _labels_of(root: Path, folder: Path) -> Path:
 
 
 def _kinds(path: Path, data: _Set) -> set[str]:
-    """What the lines are by their number of fields."""
+    """Kinds of labels in a file, by the number of fields of its lines."""
     lengths = {len(line.split()) for line in path.read_text().splitlines()}
     if data.keypoints:
         return {"poses"} if lengths else set()

@@ -31,12 +31,12 @@ _HIDDEN_BOX = [-1, -1, -1, -1]
 
 class Bop(Writer):
     """BOP (Hodan et al. 2018; bop_toolkit docs/bop_datasets_format.md): poses in mm, depth, masks,
-    models. One object a distinct model; instances are those that have a category.
+    models. One object per distinct model; instances are entities with a category.
 
     categories: only these. visibility: "exact", by the instance plane, or "bop-delta", by the
-    distance test of bop_toolkit (its mode bop19): what lies no more than `delta` mm behind the
-    visible surface counts as visible. depth_scale: mm of a step of the depth PNGs; what is farther
-    than 65535 steps is 65535. scene_draws: draws in one scene folder. split_type: ends the split's
+    distance test of bop_toolkit (its mode bop19): a surface no more than `delta` mm behind the
+    visible one counts as visible. depth_scale: mm per step of the depth PNGs; farther depths than
+    65535 steps are 65535. scene_draws: draws in one scene folder. split_type: ends the split's
     name.
     Refuses lenses with distortion, instances that are sheared or mirrored, meshes with a skin or
     morph targets, and draws that change an instance's scale or mesh.
@@ -118,7 +118,7 @@ class Bop(Writer):
         return record
 
     def _remove_masks(self, folder: str, record: dict[str, Any]) -> None:
-        """Those that an earlier image of this number had beyond this one's."""
+        """Removes masks that an earlier image of this number had beyond this one's."""
         for kind in ("mask", "mask_visib"):
             for k in count(len(record["gt"])):
                 mask = self.directory / folder / kind / f"{record['image']:06d}_{k:06d}.png"
@@ -159,9 +159,10 @@ class Bop(Writer):
         record["coco"].append(annotation_of(instance, model.id, seen, info["visib_fract"]))
 
     def _near(self, distance: NdArray, rays: NdArray, steps: NdArray) -> NdArray:
-        """(N,) bool: is a hidden surface at that distance (N,) metres along rays (N, 3) seen, where
-        the depth PNG is steps (N,)? bop_toolkit's visibility.py, estimate_visib_mask_gt with
-        visib_mode bop19. What is seen itself is no farther than the scene."""
+        """(N,) bool: True if a hidden surface at that distance (N,) metres along rays (N, 3) counts
+        as seen, where the depth PNG is steps (N,). Source: bop_toolkit's visibility.py,
+        estimate_visib_mask_gt with visib_mode bop19. The visible surface itself is no farther than
+        the scene."""
         scene = steps * (1e-3 * self.depth_scale) * np.linalg.norm(rays, axis=1)
         near = (distance - scene <= 1e-3 * self.delta) | (steps == 0)
         return np.asarray(near & np.isfinite(distance))
@@ -272,8 +273,8 @@ def _row_wise(values: NdArray) -> list[float]:
 
 
 def info_of(instance: Instance, masks: tuple[NdArray, NdArray], depth: NdArray) -> dict[str, Any]:
-    """An entry of scene_gt_info.json. Its boxes are x, y, and what the last pixel is beyond the
-    first: 0 for one pixel."""
+    """Entry of scene_gt_info.json. Its boxes are x, y, and the distance from the first to the last
+    pixel: 0 for one pixel."""
     whole, seen = masks
     count, canvas = int(seen.sum()), int(instance.number("canvas"))
     boxes = {"bbox_obj": _HIDDEN_BOX, "bbox_visib": _HIDDEN_BOX}

@@ -137,8 +137,8 @@ class Coco(Writer):
 
 
 def annotations_of(image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
-    """One for each visible instance with a category, without its id and image_id. crowds: their
-    labels."""
+    """Annotation of each visible instance with a category, without its id and image_id. crowds:
+    labels of the crowds."""
     labels, frame = image.frame.labels, image.frame
     runs = rle.runs_of_ids(frame["instance"])
     for row in np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0)):
@@ -159,7 +159,7 @@ def annotations_of(image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
 
 
 def keypoints_of(seen: tuple[NdArray, NdArray]) -> dict[str, Any]:
-    """The keys of keypoints of an annotation. What is outside the image is 0, 0, 0."""
+    """Keys of the keypoints of an annotation. A point outside the image is 0, 0, 0."""
     flat: list[float] = []
     for (x, y), state in zip(seen[0].tolist(), seen[1].tolist()):
         flat += [0, 0, 0] if state == OUTSIDE else [x, y, 2 if state == VISIBLE else 1]
@@ -170,7 +170,7 @@ def panoptic_of(
     image: Image, stuff: set[int], crowds: set[int]
 ) -> tuple[NdArray, list[dict[str, Any]]]:
     """((H, W, 3) uint8 of ids R + 256 G + 65536 B, segments_info). A thing's id is its label, stuff
-    has that of its first instance; what has no category is 0, void."""
+    has that of its first instance; pixels without a category are 0, void."""
     labels, ids = image.frame.labels, image.frame["instance"]
     rows = np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0))
     numbers = np.zeros(len(rows), dtype="<u4")
@@ -214,7 +214,7 @@ def image_of(index: int, record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbered(records: Records) -> Iterator[dict[str, Any]]:
-    """All annotations with their ids, from 1: an id of 0 is no detection to pycocotools."""
+    """Annotations with their ids, from 1: an id of 0 is no detection to pycocotools."""
     number = 0
     for index, record in records:
         for annotation in record["annotations"]:

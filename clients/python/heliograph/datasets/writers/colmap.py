@@ -30,11 +30,11 @@ class Colmap(Writer):
     """COLMAP (Schoenberger & Frahm 2016): images, and sparse/0 with cameras.txt, images.txt and
     points3D.txt: known, not reconstructed.
 
-    points: how many are sampled on the surfaces of the scene, half of them uniform over the area of
-    all, half of them as many on each entity; the model has those that two images see, with their
-    tracks. The scene has to stand still: draws may move
-    the camera and change lights and materials. Poses are world-to-camera, OpenCV camera, metres;
-    the upper left pixel's centre is (0.5, 0.5): ours plus a half.
+    points: number to sample on the surfaces of the scene, half of them uniform over the whole area,
+    half of them as many on each entity; the model has the ones that two images see, with their
+    tracks. The scene has to stand still: draws may move the camera and change lights and materials.
+    Poses are world-to-camera, OpenCV camera, metres; the upper left pixel's centre is (0.5, 0.5):
+    ours plus a half.
     """
 
     picture: Picture
@@ -82,7 +82,8 @@ class Colmap(Writer):
         }
 
     def _seen(self, image: Image, camera: Camera) -> tuple[NdArray, NdArray]:
-        """Which points an image sees (N,), and where (N, 2), COLMAP's image coordinates."""
+        """Points that an image sees: mask (N,), and places (N, 2) in COLMAP's image coordinates.
+        InvalidArgument where a draw moved one."""
         frame = image.frame
         with drawn(self.dataset.scene, image) as scene:
             seen_by = self.dataset.camera_of(image.index)
@@ -149,7 +150,7 @@ class _Points:
         return " ".join(f"{x[row]!r} {y[row]!r} {ids[row]}" for row in self._kept(record))
 
     def lines(self) -> list[str]:
-        """Of points3D.txt. The error is 0: nothing was estimated."""
+        """Lines of points3D.txt. The error is 0: nothing was estimated."""
         out = []
         for point in sorted(self._tracks):
             place = " ".join(repr(float(v)) for v in self._positions[point])

@@ -22,11 +22,11 @@ PLANES = (
 class Exr(Writer):
     """DIR/exr/000123.exr and DIR/labels/000123.json; with splits exr/train/ and labels/train/.
 
-    planes: by default PLANES, which every scene has; all others ("flow_forward", "disparity:right",
-    "beauty:GROUP", parts of the light, sensors) are asked for by name. The EXR has a part a plane,
-    linear and as it is, with its unit; the first part's header has the manifest. The JSON has the
+    planes: by default PLANES, which every scene has; ask for others ("flow_forward",
+    "disparity:right", "beauty:GROUP", parts of the light, sensors) by name. The EXR has one part
+    per plane, linear, with its unit; the first part's header has the manifest. The JSON has the
     size, time, K and pose of the camera, `instances` with every label column but masks, and
-    `keypoints`; what is not finite is null.
+    `keypoints`; values that are not finite are null.
     picture: "png" or a Picture for images/000123.png beside it.
     """
 
@@ -54,7 +54,7 @@ class Exr(Writer):
 
 
 def labels_of(dataset: Dataset, image: Image) -> dict[str, Any]:
-    """All that is known about an image but its pixels."""
+    """Labels of an image: camera, instances, and keypoints where there are some."""
     out = {**rows.picture_of(dataset, image), "instances": rows.instances_of(image)}
     if "keypoint_name" in image.frame.labels:
         out["keypoints"] = rows.keypoints_of(image)

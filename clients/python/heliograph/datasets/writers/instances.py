@@ -15,7 +15,7 @@ from ...render.frame import Frame
 
 @dataclass(frozen=True)
 class Instance:
-    """One row of the labels of a frame."""
+    """Instance: one row of the labels of a frame."""
 
     labels: Columns
     row: int
@@ -110,5 +110,5 @@ def quaternion_wxyz(rotation: NdArray) -> NdArray:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
+    """Angle, radians, within [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi

@@ -1,4 +1,4 @@
-"""Which keypoints and skeleton each class has, and where those of an image are. Used by writers."""
+"""Keypoints and skeleton of each class, and places of those of an image. Used by writers."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Skeleton:
 
 
 def skeletons_of(dataset: Dataset) -> dict[int, Skeleton]:
-    """Of each class with keypoints, by its id. FailedPrecondition where two instances of a class
-    have other names, or nothing has keypoints."""
+    """Skeleton of each class with keypoints, by its id. FailedPrecondition where two instances of a
+    class have other names, or nothing has keypoints."""
     labels = dataset.scene.render(dataset.cameras[0], planes=[], labels={"keypoints": True}).labels
     found: dict[int, Skeleton] = {}
     points = Keypoints(labels)
@@ -59,7 +59,8 @@ def _check(names: tuple[str, ...], skeleton: Skeleton, instance: str) -> None:
 
 
 def _edges(scene: Scene, root: int, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """The skeletons of the meshes of an entity and what is below it, by the keypoints' names."""
+    """Edges of the skeletons of the meshes of an entity and its descendants, by the keypoints'
+    names."""
     place = {name: i for i, name in enumerate(names)}
     edges = []
     for mesh in _meshes(scene, root):
@@ -72,8 +73,8 @@ def _edges(scene: Scene, root: int, names: tuple[str, ...]) -> tuple[tuple[int, 
 
 
 def _edges_across(attributes: str, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """Those between keypoints of several meshes, by the attribute `skeleton` of an instance: JSON,
-    pairs of names. Robots have it."""
+    """Edges between keypoints of several meshes, by the attribute `skeleton` of an instance: JSON,
+    pairs of names. Robots have it. FailedPrecondition."""
     text = json.loads(attributes or "{}").get("skeleton", "[]")
     try:
         return tuple((names.index(a), names.index(b)) for a, b in json.loads(text))

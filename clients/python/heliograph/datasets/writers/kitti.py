@@ -28,8 +28,8 @@ _CAMERA_FROM_VELODYNE = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]])
 
 @dataclass(frozen=True)
 class Limits:
-    """What a labeller would leave alone. min_height: rows of the box; max_occlusion and
-    max_truncation: shares of the silhouette, 0 to 1."""
+    """Limits beyond which a labeller would leave an object alone. min_height: rows of the box;
+    max_occlusion and max_truncation: shares of the silhouette, 0 to 1."""
 
     min_height: float = 10.0
     max_occlusion: float = 0.9
@@ -135,7 +135,7 @@ class Kitti(Writer):
         return {"labels": len(lines)}
 
     def _lines(self, image: Image) -> list[str]:
-        """Of label_2."""
+        """Lines of a file of label_2."""
         crowds = crowds_in(image, self._crowds)
         seen = [i for i in instances(image.frame, self.categories) if i.number("visible")]
         return [
@@ -192,7 +192,7 @@ def label_line(instance: Instance) -> str:
 
 
 def region_line(instance: Instance) -> str:
-    """A line of what is not to be trained on, nor held against a detector: its box alone."""
+    """Line of a DontCare region, neither trained on nor held against a detector: its box alone."""
     left, top, right, below = instance.box("bbox_amodal")
     return f"DontCare {_NO_POSE} {left} {top} {right - 1} {below - 1} {_NO_PLACE}\n"
 

@@ -1,4 +1,4 @@
-"""Pictures of an image's draw at other times: what flow leads to, and videos."""
+"""Pictures of an image's draw at other times: the second picture of a flow, and videos."""
 
 from __future__ import annotations
 

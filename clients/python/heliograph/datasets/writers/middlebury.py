@@ -14,12 +14,12 @@ _PLANES = ("flow_forward", "flow_forward_valid")
 
 
 class Middlebury(Writer):
-    """Optical flow as the Middlebury benchmark has it (Baker et al. 2011): other-data/000123 with
-    frame10.png and frame11.png, other-gt-flow/000123/flow10.flo from the first to the second.
+    """Optical flow in the layout of the Middlebury benchmark (Baker et al. 2011): other-data/000123
+    with frame10.png and frame11.png, other-gt-flow/000123/flow10.flo from the first to the second.
 
-    Flow is in pixels, u right, v down; what is not defined is 1e10. Give generate() a
-    frame_interval, and hold=True where what has no keys stands still. With splits their names come
-    before the images': other-data/train/000123.
+    Flow is in pixels, u right, v down; undefined flow is 1e10. Give generate() a frame_interval,
+    and hold=True if entities without keys stand still. With splits their names come before the
+    images': other-data/train/000123.
     """
 
     picture: Picture

@@ -16,9 +16,9 @@ from .instances import Instance
 from .shapes import Part, shapes_of
 from .symmetries import Symmetries, symmetries_of
 
-_SAME = 1e-4  # of a model's size: what is nearer is equal
+_SAME = 1e-4  # of a model's size: nearer points are equal
 _MM = 1000.0
-_PAIRS = 1 << 19  # distances at a time: what caches hold
+_PAIRS = 1 << 19  # distances at a time, which fit caches
 
 
 @dataclass(frozen=True)

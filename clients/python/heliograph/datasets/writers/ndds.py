@@ -31,14 +31,14 @@ _FRAMES = {
 
 class Ndds(Writer):
     """NDDS as DOPE (Tremblay et al. 2018) reads it: 000123.png with 000123.json, which has pose,
-    cuboid and visibility of every instance that has a category.
+    cuboid and visibility of every instance with a category.
 
     categories: only these. Corners are in DOPE's order with the centroid as the ninth; an object's
-    frame is x forward, y left, z up, its origin the centre of the cuboid. Instances whose cuboid
-    is not wholly before the camera are left out, and those of which nothing is near the image.
-    resolve_symmetries: of an object whose mesh has symmetries the pose is, of those that look the
-    same, the one that faces the camera, upright: else equal pictures would have unequal labels.
-    Refuses lenses with distortion, and instances that are sheared or mirrored.
+    frame is x forward, y left, z up, its origin the centre of the cuboid. Instances whose cuboid is
+    not wholly before the camera, or not near the image, are left out. resolve_symmetries: picks,
+    for a mesh with symmetries, the one of its equivalent poses that faces the camera, upright: else
+    equal pictures would have unequal labels. Refuses lenses with distortion, and instances that are
+    sheared or mirrored.
     """
 
     picture: Picture

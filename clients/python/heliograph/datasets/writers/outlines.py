@@ -74,7 +74,7 @@ def area_of(outline: NdArray) -> float:
 
 
 def joined(parts: Sequence[NdArray]) -> NdArray:
-    """One outline of several, (N, 2): each is reached from the nearest corner of those before it,
+    """Joins outlines into one, (N, 2): each is reached from the nearest corner of those before it,
     and left by the same way, so that the area between is none. Holes stay holes."""
     ordered = sorted(parts, key=area_of, reverse=True)
     whole = ordered[0]

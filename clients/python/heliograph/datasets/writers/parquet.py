@@ -14,15 +14,15 @@ from ..._optional import pyarrow
 from ..writer import Image, Picture, Records, Writer
 from . import rows
 
-_ROWS = 65536  # of a row group: what is in memory at once
+_ROWS = 65536  # per row group, which is in memory at once
 
 
 class Parquet(Writer):
-    """DIR/images.parquet: a row an image; DIR/instances.parquet: a row an instance, with every
-    label column but masks; DIR/keypoints.parquet: a row a keypoint, where there are any.
+    """DIR/images.parquet: a row per image; DIR/instances.parquet: a row per instance, with every
+    label column but masks; DIR/keypoints.parquet: a row per keypoint, where there are any.
 
     `index` joins them, `label` the latter two. Vectors and matrices are lists, numbers as wide as
-    in the label columns; what is not finite is null. labels: as of Scene.render.
+    in the label columns; values that are not finite are null. labels: as of Scene.render.
     picture: "png" or a Picture for images/000123.png too; without one nothing is shaded.
     """
 
@@ -84,7 +84,7 @@ def _chunks(every: Iterator[Any]) -> Iterator[list[Any]]:
 
 
 def _types_of(labels: Mapping[str, Any]) -> dict[str, Any]:
-    """Of each label column "str", or its dtype and how many numbers a row has."""
+    """Type of each label column: "str", or its dtype and how many numbers a row has."""
     return {
         name: "str" if isinstance(column, list) else [column.dtype.str, *_width(column)]
         for name, column in ((name, labels[name]) for name in labels)
@@ -96,7 +96,7 @@ def _width(column: Any) -> list[int]:
 
 
 def _schema(table: str, types: Mapping[str, Any]) -> Any:
-    """The types of a table: those of the label columns."""
+    """Schema of a table, with the types of the label columns."""
     arrow = pyarrow()
     if table == "images":
         names: dict[str, Any] = {"split": "str", "camera": "str"}

@@ -17,7 +17,7 @@ _KEYPOINT = "keypoint_"
 
 
 def picture_of(dataset: Dataset, image: Image) -> dict[str, Any]:
-    """What there is once an image: number, size, time, camera, its lens and its pose."""
+    """Values of one image: number, size, time, camera, its lens and its pose."""
     frame = image.frame
     lens = dataset.lens_of(image)
     return {
@@ -36,7 +36,7 @@ def picture_of(dataset: Dataset, image: Image) -> dict[str, Any]:
 
 
 def instances_of(image: Image, flat: bool = False) -> list[dict[str, Any]]:
-    """A row an instance: every column but masks and keypoints; `category` is the class's name,
+    """A row per instance: every column but masks and keypoints; `category` is the class's name,
     `category_id` its id, 0 for none; `attributes` a mapping. flat: matrices are one list, row by
     row."""
     labels, categories = image.frame.labels, image.frame.categories
@@ -57,12 +57,12 @@ def keypoints_of(image: Image, flat: bool = False) -> list[dict[str, Any]]:
 
 
 def is_of_instances(name: str) -> bool:
-    """Whether a label column has a row an instance, and is no mask."""
+    """True if a label column has one row per instance, and is no mask."""
     return name != _MASKS and not name.startswith(_KEYPOINT)
 
 
 def _rows(labels: Mapping[str, Any], names: list[str], flat: bool) -> list[dict[str, Any]]:
-    """The columns as rows; what is not finite is None."""
+    """Columns as rows; values that are not finite are None."""
     columns = [_plain(labels[name], flat) for name in names]
     return [dict(zip(names, row)) for row in zip(*columns)]
 

@@ -1,4 +1,4 @@
-"""Which meshes a labelled instance is made of, and where in its frame. Read from the scene."""
+"""Meshes of a labelled instance, and their poses in its frame. Read from the scene."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def shapes_of(
 
 
 def shown_entities(scene: Scene) -> list[Entity]:
-    """Those that show a mesh: they and all they hang on are visible."""
+    """Entities that show a mesh: they and all they hang on are visible."""
     own, parents = _entities(scene)
     out = []
     for id, (handle, entity, _) in own.items():
@@ -66,7 +66,7 @@ def crowds_of(scene: Scene) -> set[int]:
 
 
 def crowds_drawn(transaction: pb.Transaction) -> set[int]:
-    """Those of the entities that an overlay makes."""
+    """Labels of the crowds that an overlay makes."""
     entities = [
         edit.instances.prototype if edit.HasField("instances") else edit.entity
         for edit in transaction.edits
@@ -75,7 +75,7 @@ def crowds_drawn(transaction: pb.Transaction) -> set[int]:
 
 
 def crowds_in(image: Image, of_scene: set[int]) -> set[int]:
-    """Those of an image. of_scene: crowds_of() its scene."""
+    """Labels of the crowds of an image. of_scene: crowds_of() its scene."""
     drawn = set() if image.overlay is None else crowds_drawn(image.overlay.transaction)
     return of_scene | drawn
 

@@ -81,7 +81,7 @@ class Symmetries:
         return np.asarray(best)
 
     def _center(self) -> NdArray:
-        """(3,) what all of them leave where it is: the mean of where they bring the origin."""
+        """(3,) point that all of them keep fixed: the mean of the images of the origin."""
         mean = np.mean([np.zeros(3), *(matrix[:3, 3] for matrix in self.matrices)], axis=0)
         for found in self.axes[:1]:
             mean = found.point + found.axis * (found.axis @ (mean - found.point))
@@ -89,7 +89,8 @@ class Symmetries:
 
 
 def symmetries_of(scene: Scene, instance: Instance, shape: Sequence[Part]) -> Symmetries:
-    """Those of its mesh. Of several meshes none's symmetry is the whole's."""
+    """Symmetries of an instance's mesh; none for several meshes, as none's symmetry is the
+    whole's."""
     matrices: list[NdArray] = []
     axes: list[Axis] = []
     for part in shape if len(shape) == 1 else ():
@@ -129,5 +130,5 @@ def _check_rotation(motion: NdArray, instance: Instance) -> None:
 
 
 def _plain(values: NdArray) -> list[float]:
-    """For JSON; what rounding left of 0 is 0."""
+    """Numbers for JSON, rounded to 9 digits; -0 is 0."""
     return [float(v) for v in np.round(values, 9) + 0.0]

@@ -31,7 +31,7 @@ class WebDataset(Writer):
     """DIR/000000.tar, 000001.tar ...; with splits train-000000.tar ...
 
     A sample has 000123.png, 000123.json (as that of hd.Exr, but for planes) and 000123.PLANE.npy of
-    each plane asked for. shard_size: samples a tar. The same data set has the same bytes: members
+    each plane asked for. shard_size: samples per tar. The same data set has the same bytes: members
     have no time and no owner. Until the last image is made, samples wait in DIR/.heliograph/parts.
     """
 
@@ -72,7 +72,7 @@ class WebDataset(Writer):
                 self._put_shard(name, [(index, record["bytes"]) for _, (index, record) in rows])
 
     def _put_shard(self, name: str, samples: list[tuple[int, int]]) -> None:
-        """Moves samples to their shard. Those that are not in parts are in it already."""
+        """Moves samples to their shard. Samples that are not in parts are in it already."""
         old, total = self.directory / name, sum(size for _, size in samples) + len(_END)
         parts = {i: part for i, _ in samples if (part := self.directory / _part(i)).exists()}
         if not parts and old.exists() and old.stat().st_size == total:

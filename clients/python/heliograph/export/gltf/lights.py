@@ -23,7 +23,7 @@ LIGHTS = "KHR_lights_punctual"
 
 
 class Lights:
-    """Puts lights, and meshes of those that have an extent, into a document."""
+    """Puts lights, and meshes of lights with an extent, into a document."""
 
     def __init__(self, world: World, document: Document) -> None:
         self.world = world

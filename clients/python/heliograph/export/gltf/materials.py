@@ -37,7 +37,7 @@ class Materials:
     def of(self, key: int | None, emission: Emission | None, thickness: float) -> int:
         """The index of a material, or of the default one, that gives off light besides its own.
 
-        thickness: metres through what it is on, for programs that do not ask the mesh.
+        thickness: metres through its mesh, for programs that do not measure that.
         """
         known = key, emission
         if known not in self._made:
@@ -56,7 +56,7 @@ class Materials:
 
 
 class _Writer:
-    """One material as it grows."""
+    """Writer of one material."""
 
     def __init__(self, materials: Materials, look: Look) -> None:
         self.world = materials.world
@@ -102,7 +102,7 @@ class _Writer:
         return {**out, "metallicRoughnessTexture": info} if info else out
 
     def _across(self) -> Field:
-        """The roughness across the tangent; what is stretched is so in proportion to its mean."""
+        """Roughness across the tangent; anisotropy stretches it in proportion to its mean."""
         rough, whole = self.look["roughness"], self._mean("roughness")
         if self.look["anisotropic"].is_zero:
             return rough
@@ -141,7 +141,7 @@ class _Writer:
         return {**out, "emissiveTexture": info} if info else out
 
     def _backs(self, thickness: float) -> bool:
-        """doubleSided: of what emits, whether the back does; else whether it is to be seen."""
+        """doubleSided: True if the back emits, for an emitter; else if the back is visible."""
         if self.look.emits:
             return self.look.two_sided_emission
         return not self._is_solid()

@@ -1,4 +1,4 @@
-"""Meshes of glTF: one for each mesh and what it is made of. Source: glTF 2.0, 3.7.2."""
+"""Meshes of glTF: one for each mesh with its materials. Source: glTF 2.0, 3.7.2."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SMALL = 0xFFFF  # vertices that 16 bits tell apart, but for the last one, which
 
 @dataclass(frozen=True)
 class Arrays:
-    """What the primitives of a mesh share, as indices of accessors."""
+    """Accessors that the primitives of a mesh share, as indices."""
 
     attributes: dict[str, int]
     targets: list[dict[str, int]]

@@ -59,7 +59,8 @@ class Textures:
         return self._made(owner, lead, fields, srgb, peak)
 
     def _constant(self, field: Field) -> Field:
-        """Without a texture whose alpha is asked for and not there, or that nothing multiplies."""
+        """Field without its texture, where that lacks the alpha that is asked for, or is multiplied
+        by 0."""
         use = field.use
         if use is None or (not field.is_zero and not self._lacks(use)):
             return field
@@ -79,7 +80,7 @@ class Textures:
         return Field(self.mean(field))
 
     def mean(self, field: Field) -> Any:
-        """Of what a field with a texture gives: a number or (3,)."""
+        """Mean of a field with a texture: a number or (3,)."""
         found = self._values(field).reshape(-1, *np.shape(field.value)).mean(axis=0, dtype="f8")
         return found if np.ndim(found) else float(found)
 
@@ -87,7 +88,7 @@ class Textures:
         return (use.uv, use.uv_set, *self.picture(use.texture).layout)
 
     def _fits(self, fields: Parts, srgb: bool) -> bool:
-        """Whether one picture has all in its places, and no constant is touched by it."""
+        """True if one picture has all fields in its places, and no constant changes by it."""
         used = [field.use for field in fields.values() if field.use]
         if len({use.texture for use in used}) > 1:
             return False
@@ -150,7 +151,7 @@ class Textures:
         return np.asarray(values * np.asarray(field.value, "f4"))
 
     def _is_deep(self, owner: str, pictures: list[Picture], srgb: bool) -> bool:
-        """Whether 8 bits would lose something."""
+        """True if 8 bits would lose something."""
         if not all(picture.has_levels for picture in pictures):
             self.world.notes.add(owner, "textures of floats are written with 16 bits")
         return any(p.texels.dtype != np.uint8 or p.srgb != srgb for p in pictures)
@@ -219,7 +220,7 @@ class Textures:
 
 
 def _resized(values: NdArray, size: tuple[int, ...]) -> NdArray:
-    """To (H, W), by the nearest texel."""
+    """Resizes to (H, W), by the nearest texel."""
     rows, columns = (
         ((np.arange(n) + 0.5) * old / n).astype(int) for n, old in zip(size, values.shape)
     )
@@ -227,7 +228,8 @@ def _resized(values: NdArray, size: tuple[int, ...]) -> NdArray:
 
 
 def scaled(field: Field) -> tuple[Field, float]:
-    """A field whose largest factor is 1, and that factor; of what may exceed 1."""
+    """Field scaled so that its largest factor is 1, and that factor; for fields that may exceed
+    1."""
     use = field.use
     folded = use is not None and use.offset == 0 and use.scale > 0
     value = np.multiply(field.value, use.scale if folded and use else 1.0)

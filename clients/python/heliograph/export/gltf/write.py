@@ -1,4 +1,5 @@
-"""A world to a GLB file: nodes with what they have. Source: glTF 2.0, 3.5."""
+"""Writes a world to a GLB file: nodes with their meshes, lights and cameras. Source: glTF 2.0,
+3.5."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ _HIDDEN = "KHR_node_visibility"
 
 
 def write(world: World, path: Path) -> None:
-    """Writes the file; what it cannot say is in world.notes."""
+    """Writes the file; world.notes names features that it lacks."""
     writer = _Writer(world)
     writer.put()
     writer.document.write(path)
@@ -115,7 +116,7 @@ class _Writer:
         return index
 
     def _pose(self, node: dict[str, Any], entity: Entity, track: Track) -> dict[str, Any] | None:
-        """The pose as it is now; what a sheared one has below it."""
+        """Puts the pose at this time. Returns the node to put below it, for a sheared one."""
         now = track.at(self.world.time)
         if track.is_sheared and not track.moves:
             outer, inner = unsheared(now)
@@ -199,7 +200,7 @@ def _rigid(track: Track, time: float) -> NdArray:
 
 
 def _trs(matrix: NdArray) -> dict[str, Any]:
-    """What of translation, rotation and scale is not the default."""
+    """Translation, rotation and scale of a pose, without default ones."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         scale = -scale
@@ -214,7 +215,7 @@ def _trs(matrix: NdArray) -> dict[str, Any]:
 
 
 def _extras(message: pb.Entity) -> dict[str, Any]:
-    """What labels say, for programs that keep it."""
+    """Extras of a node: its labels, for programs that keep them."""
     label = message.label
     found: dict[str, Any] = {}
     if label.category:

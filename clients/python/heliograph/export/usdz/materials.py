@@ -17,7 +17,7 @@ from ..looks import Field, Look, Picture, Use, look_of, picture_of, quantized
 from ..world import World
 from .stage import TOP, Stage
 
-NIT = LUMENS_PER_WATT  #: what of USD's numbers is 1 W sr^-1 m^-2: USD counts in cd/m^2
+NIT = LUMENS_PER_WATT  #: USD's number for 1 W sr^-1 m^-2: USD counts in cd/m^2
 _TYPES = Sdf.ValueTypeNames
 _SHEAR = 1e-5
 _SIGNED, _BELOW = (2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0)  # of normal maps
@@ -85,7 +85,7 @@ class Materials:
 
 
 class _Writer:
-    """One material as it grows."""
+    """Writer of one material."""
 
     def __init__(self, materials: Materials, look: Look, path: str, colored: bool) -> None:
         self.materials = materials
@@ -161,7 +161,7 @@ class _Writer:
                 self._note("the back gives off light in some programs only")
 
     def _opacity(self) -> None:
-        """alpha, less what passes through."""
+        """Alpha, less the transmission."""
         alpha, passing = self.look["alpha"], self.look["transmission"]
         share = 1.0
         if not passing.is_zero:

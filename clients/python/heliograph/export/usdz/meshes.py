@@ -46,7 +46,7 @@ class Meshes:
         emission: Emission | None,
         morphs: Morphs,
     ) -> Any:
-        """A mesh with its materials, one a part, the last one for the rest."""
+        """A mesh with its materials, one per part, the last one for the rest."""
         mesh = UsdGeom.Mesh.Define(self.stage.stage, path)
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         mesh.CreateDoubleSidedAttr(True)
@@ -109,8 +109,8 @@ class Meshes:
             UsdGeom.Subset.SetFamilyType(mesh, "materialBind", UsdGeom.Tokens.nonOverlapping)
 
     def _put_colors(self, mesh: Any, geometry: Geometry, bound: list[int | None]) -> bool:
-        """displayColor of a mesh with colours, times what its materials have; False: it has none,
-        or a texture that they cannot multiply."""
+        """displayColor of a mesh with colours, times the colours of its materials; False: it has
+        none, or a texture that they cannot multiply."""
         if geometry.colors is None:
             return False
         bases = [self.materials.look(key)["base_color"] for key in bound]

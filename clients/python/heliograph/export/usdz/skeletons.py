@@ -1,7 +1,7 @@
 """Skins to UsdSkel: each skinned mesh below a SkelRoot of its own. Needs pxr.
 
 Joints are entities anywhere in the scene: a skeleton lists them side by side, at the poses that
-they have in the world, so that what is above them may move.
+they have in the world, so that their ancestors may move.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Skeletons:
         return found
 
     def _animation(self, root: str, joints: list[int]) -> Any:
-        """Poses of the joints in the world, at all keys of theirs and of what is above them."""
+        """Poses of the joints in the world, at all keys of theirs and of their ancestors."""
         path = self.stage.path(root, "animation")
         animation = UsdSkel.Animation.Define(self.stage.stage, path)
         animation.CreateJointsAttr(self._names(joints))

@@ -17,7 +17,7 @@ from ..motion import Track
 
 FRAMES = 24.0  #: time codes a second
 TOP = "/World"
-_SHARP = 1024  # texels, of what is enlarged to stay sharp
+_SHARP = 1024  # texels, of pictures enlarged to stay sharp
 
 
 class Stage:
@@ -66,7 +66,7 @@ class Stage:
 
     def picture(self, picture: Picture) -> Any:
         """The asset path of a file with a picture: PNG, or EXR where texels are floats. Grey is
-        written as RGB; what is not filtered is enlarged."""
+        written as RGB; pictures that are not filtered are enlarged."""
         texels = picture.texels
         if picture.nearest:  # USD has no such filter
             texels = texels.repeat(_SHARP // max(texels.shape[:2]) or 1, 0)
@@ -86,7 +86,8 @@ class Stage:
     # ------------------------------------------------------------ poses
 
     def pose(self, prim: Any, track: Track) -> None:
-        """A matrix; of what moves translation, rotation and scale, which USD mixes as we do."""
+        """Puts a pose: a matrix, or, for a moving entity, translation, rotation and scale, which
+        USD interpolates as we do."""
         xformable = UsdGeom.Xformable(prim)
         if track.moves and not track.is_sheared:
             self._moving(xformable, track)

@@ -1,4 +1,4 @@
-"""A world to a USDZ file: prims with what they have. Needs pxr."""
+"""Writes a world to a USDZ file: prims with their meshes, lights and cameras. Needs pxr."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHAPES = "/Shapes"
 
 
 def write(world: World, path: Path) -> None:
-    """Writes the file; what it cannot say is in world.notes."""
+    """Writes the file; world.notes names features that it lacks."""
     with tempfile.TemporaryDirectory(prefix="heliograph-usdz-") as folder:
         writer = _Writer(world, Path(folder))
         writer.put()
@@ -50,7 +50,7 @@ class _Writer:
         self.meshes = Meshes(world, self.stage, self.materials)
         self.skeletons = Skeletons(world, self.stage, self.poses)
         self.paths: dict[int, str] = {}  # of entities
-        self.shapes: dict[Any, str] = {}  # of what several entities show
+        self.shapes: dict[Any, str] = {}  # of meshes that several entities show
         self.emissions = {
             entity.key: emission_of(world, entity, self.poses, self.geometries)
             for entity in world.entities.values()
@@ -86,7 +86,7 @@ class _Writer:
         note_rest(self.world, entity, True)
 
     def _prim(self, entity: Entity, path: str) -> Any:
-        """The prim of an entity, of the kind of what it has first; the rest lies below it."""
+        """Prim of an entity, of the kind of its first component; the others lie below it."""
         makers = self._makers(entity)
         prim = None
         while makers and prim is None:
@@ -125,7 +125,7 @@ class _Writer:
         return [key_of(ref) for ref in entity.message.materials.parts] or [None]
 
     def _shape_key(self, entity: Entity) -> Any:
-        """What entities share that show the same; None: nobody else shows it."""
+        """Key that entities share if they show the same; None: no other entity shows it."""
         if entity.message.HasField("skin") or len(self._geometry(entity).morphs):
             return None
         bound = tuple(self._bound(entity))

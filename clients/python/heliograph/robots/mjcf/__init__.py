@@ -1,1 +1,1 @@
-"""Scenes and robots of MJCF files, by what MuJoCo's own compiler makes of them."""
+"""Scenes and robots of MJCF files, read by MuJoCo's own compiler."""

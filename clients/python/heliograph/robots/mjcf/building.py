@@ -25,7 +25,7 @@ _OF_INSTANCES = ("label", "category", "group", "attributes")
 
 @dataclass(frozen=True)
 class Wanted:
-    """Of import_mjcf()."""
+    """Options of import_mjcf()."""
 
     groups: Sequence[int]
     sites: bool
@@ -37,7 +37,7 @@ class Wanted:
 def placed(
     edits: Edits, path: Any, name: str | None, wanted: Wanted, components: patches.Components
 ) -> MjcfRobot:
-    """What import_mjcf() does."""
+    """Places a robot, as import_mjcf() describes."""
     if isinstance(path, MjcfRobot):
         shared, prefix = path.shared, name or path.name
     else:
@@ -78,7 +78,8 @@ class MjcfBuilder(Builder):
         return robot
 
     def _keypoints(self) -> Sequence[str]:
-        """Those wanted, or the first joint of each body."""
+        """Names of the joints that are keypoints: those asked for, or the first joint of each
+        body."""
         if self.wanted.keypoints is not None:
             return self.wanted.keypoints
         model = self.source.model
@@ -93,7 +94,7 @@ class MjcfBuilder(Builder):
         self.robot.root = self.edits.entity(self.robot.name, exist_ok=False, **given)
 
     def _link_components(self, link: str) -> patches.Components:
-        """Those of an instance, where it is the uppermost link of one."""
+        """Components of an instance, for the uppermost link of one; {} for other links."""
         if link not in self._tops().values():
             return {}
         given: dict[str, Any] = {"label": "auto", **self.of_instances}
@@ -134,7 +135,7 @@ class MjcfBuilder(Builder):
     # ------------------------------------------------------------ what the others ask for
 
     def free_name(self, name: str) -> str:
-        """That name, or with a number, if it is taken."""
+        """Takes a name, or that name with a number if it is taken."""
         found, number = name, 2
         while found in self.names:
             found, number = f"{name}_{number}", number + 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 
-# By face: the axis and its sign, and rows that give s and t of a direction.
+# Axis and sign of each face, and rows that give s and t of a direction.
 _S = np.array([[0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0], [1, 0, 0], [-1, 0, 0]], "f8")
 _T = np.array([[0, -1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, -1, 0], [0, -1, 0]], "f8")
 
@@ -40,7 +40,8 @@ def looked_up(texels: NdArray, directions: NdArray) -> NdArray:
 
 
 def lat_long(texels: NdArray, turned: Callable[[NdArray], NdArray], height: int = 512) -> NdArray:
-    """(height, 2 height, C) as edit.dome() takes it. turned: of directions to those of the cube."""
+    """Picture (height, 2 height, C) for edit.dome(). turned: rotates directions to those of the
+    cube."""
     phi = 2 * np.pi * (0.5 - (np.arange(2 * height) + 0.5) / (2 * height))
     theta = np.pi * (np.arange(height)[:, None] + 0.5) / height
     directions = np.stack(

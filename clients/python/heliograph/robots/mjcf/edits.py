@@ -43,14 +43,14 @@ class MjcfEdits:
 
         path: a file; a mujoco.MjModel or MjSpec; or another MjcfRobot, which is placed again, with
         the same meshes and materials.
-        groups: of geoms, sites, tendons and skins that are seen; MuJoCo shows 0, 1 and 2.
-        sites: whether they are seen. lights: whether there are the file's lights and its sky.
+        groups: of geoms, sites, tendons and skins to show; MuJoCo shows 0, 1 and 2. sites: True
+        shows them. lights: False leaves out the file's lights and its sky.
         size: width and height of cameras whose resolution the file leaves open, pixels.
         keypoints: names of the joints that labels report, by default the first one of each body.
         components: of the root, as edit.entity() takes them; but label, category, group and
-        attributes are those of each body beneath the world, which by default is an instance.
-        What is left out is in `warnings`. InvalidArgument: what MuJoCo refuses. Unimplemented:
-        without the package mujoco.
+        attributes go to each body beneath the world, which by default is an instance. `warnings`
+        names what is left out. InvalidArgument for files that MuJoCo refuses; Unimplemented without
+        the package mujoco.
         """
         from .building import Wanted, placed
 

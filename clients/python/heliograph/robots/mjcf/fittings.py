@@ -36,7 +36,8 @@ def put(builder: MjcfBuilder, groups: Sequence[int]) -> None:
 
 
 def _put_tendon(builder: MjcfBuilder, number: int, name: str) -> None:
-    """Each point of a tendon goes with its body, so that straight pieces follow the joints."""
+    """Puts a tendon, each point of which goes with its body, so that straight pieces follow the
+    joints."""
     model, data = builder.source.model, builder.source.data
     points, bodies, is_wrapped = _path(model, data, number)
     if not len(points):
@@ -58,8 +59,8 @@ def _put_tendon(builder: MjcfBuilder, number: int, name: str) -> None:
 
 
 def _path(model: Any, data: Any, number: int) -> tuple[NdArray, NdArray, bool]:
-    """Its straight pieces at qpos0, (S, 2, 3) in the world; the bodies of their ends, (S, 2);
-    whether some wind around a geom."""
+    """Straight pieces of a tendon at qpos0, (S, 2, 3) in the world; the bodies of their ends, (S,
+    2); True if some wind around a geom."""
     first, count = int(data.ten_wrapadr[number]), int(data.ten_wrapnum[number])
     points = np.array(data.wrap_xpos).reshape(-1, 3)[first : first + count]
     objects = np.array(data.wrap_obj).ravel()[first : first + count]
@@ -70,7 +71,7 @@ def _path(model: Any, data: Any, number: int) -> tuple[NdArray, NdArray, bool]:
 
 
 def _bodies(model: Any, number: int, objects: NdArray) -> NdArray:
-    """Of the points of a tendon: a geom's, or that of the next site; -1 behind a pulley."""
+    """Body of each point of a tendon: a geom's, or that of the next site; -1 behind a pulley."""
     kinds = mujoco().mjtWrap
     first = int(model.tendon_adr[number])
     path = range(first, first + int(model.tendon_num[number]))

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a mesh depends on. kind: "box". size: MuJoCo's. data: number of a mesh or a height
-    field, -1 for none. repeat: of a picture over the object, None for none. cube: of a texture on
-    six faces how many there are and texels along their sides, None for none; uniform: whether it is
-    laid on the object as it is, or on one of equal sides."""
+    """Key of a mesh. kind: "box". size: MuJoCo's. data: number of a mesh or a height field, -1 for
+    none. repeat: of a picture over the object, None for none. cube: for a texture on six faces,
+    their number and the texels along their sides, None for none; uniform: True if it is laid on the
+    object as it is, False if on one of equal sides."""
 
     kind: str
     size: tuple[float, float, float]
@@ -39,7 +39,7 @@ _KINDS = ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX"
 
 
 def kind_of(number: int) -> str:
-    """Of an mjtGeom."""
+    """Kind of an mjtGeom, in lower case."""
     kinds = {int(getattr(mujoco().mjtGeom, f"mjGEOM_{kind}")): kind.lower() for kind in _KINDS}
     return kinds.get(int(number), f"type {number}")
 
@@ -60,7 +60,7 @@ def geometry(source: Compiled, shape: Shape) -> Geometry:
 
 
 def _wrapped(given: Geometry, shape: Shape, cube: tuple[int, int]) -> Geometry:
-    """With a texture of six faces about it."""
+    """Geometry with a texture of six faces about it."""
     indices = np.asarray(given["indices"])
     positions = np.asarray(given["positions"], "f8")
     normals = given.get("normals")
@@ -101,7 +101,7 @@ def plane_size(source: Compiled, size: tuple[float, ...]) -> tuple[float, float,
 
 
 def _scaled(given: Geometry, size: tuple[float, ...]) -> Geometry:
-    """Of a shape about the origin; normals stay across the surface."""
+    """Geometry scaled about the origin; normals stay across the surface."""
     normals = np.asarray(given["normals"]) / size
     return {
         **given,
@@ -111,8 +111,9 @@ def _scaled(given: Geometry, size: tuple[float, ...]) -> Geometry:
 
 
 def _repeated(given: Geometry, shape: Shape, repeat: NdArray) -> NdArray:
-    """(V, 2): those of the surface, or of the picture from above over the whole object, which an
-    infinite plane has every two units. MuJoCo repeats it from its upper left corner on."""
+    """Texture coordinates (V, 2): those of the surface, or of a picture projected from above over
+    the whole object, every two units on an infinite plane. MuJoCo repeats it from its upper left
+    corner on."""
     half = np.array(shape.size[:2])
     if shape.kind == "plane" and not half.all():
         s, t = (0.5 * repeat * (1, -1) * np.asarray(given["positions"])[:, :2] - 0.5).T

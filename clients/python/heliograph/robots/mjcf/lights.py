@@ -71,7 +71,7 @@ def _is_orthographic(model: Any, c: int) -> bool:
 
 
 def _moves_along(builder: MjcfBuilder, prefix: str, kind: str, index: int, name: str) -> bool:
-    """Whether it is fixed to its body; a warning tells of others."""
+    """True for a camera or light that is fixed to its body; warns of others."""
     modes = mujoco().mjtCamLight
     mode = modes(int(getattr(builder.source.model, f"{prefix}_mode")[index]))
     if mode == modes.mjCAMLIGHT_FIXED:

@@ -1,4 +1,4 @@
-"""Materials and textures. Used by edits.py; docs/mjcf.md says what becomes of each parameter.
+"""Materials and textures. Used by edits.py; docs/mjcf.md maps each parameter.
 
 Source: MuJoCo's manual, "XML Reference", asset/material and asset/texture.
 """
@@ -20,14 +20,15 @@ if TYPE_CHECKING:
     from ...client.edit import Edits
     from ...scene.patches import Parameters
 
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # the rgba of what has none: that of its material goes before it
-_SPECULAR = _SHININESS = 0.5  # of what has no material
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # default rgba; a material's own goes before it
+_SPECULAR = _SHININESS = 0.5  # of a geom without a material
 _ROLES = ("RGB", "RGBA", "ROUGHNESS", "METALLIC", "NORMAL", "ORM")
 
 
 @dataclass(frozen=True)
 class Look:
-    """material: its number, -1 for none. rgba: sRGB. mirror: whether its kind shows reflectance."""
+    """Look of a geom. material: its number, -1 for none. rgba: sRGB. mirror: True if its kind shows
+    reflectance."""
 
     material: int
     rgba: tuple[float, ...]
@@ -60,7 +61,7 @@ def texture_of(model: Any, look: Look, role: str = "RGB") -> int:
 
 
 def is_flat(model: Any, texture: int) -> bool:
-    """Whether it is one picture, no cube of six."""
+    """True for one picture, False for a cube of six."""
     return bool(model.tex_type[texture] == mujoco().mjtTexture.mjTEXTURE_2D)
 
 
@@ -146,7 +147,7 @@ class Looks:
         self._put_further(edits, out, look)
 
     def _put_further(self, edits: Edits, out: dict[str, Any], look: Look) -> None:
-        """Those of MuJoCo's layers."""
+        """Adds the textures of MuJoCo's layers: roughness, metallic and the like."""
         if not hasattr(mujoco(), "mjtTextureRole"):
             return
         model = self.source.model

@@ -45,7 +45,7 @@ def _kind(kind: str) -> Any:
 
 
 def compiled(source: Any) -> Compiled:
-    """Of a file's path, an MjModel or an MjSpec."""
+    """Compiles a file's path, an MjModel or an MjSpec. InvalidArgument."""
     lib = mujoco()
     name, model = "", source
     if isinstance(source, (str, os.PathLike)):
@@ -182,7 +182,7 @@ def _left_out(source: Compiled) -> list[str]:
         out.append(f"flex {name!r} is left out: deformable bodies are not read")
     if model.neq:
         out.append(
-            f"{model.neq} equality constraints are not kept: joints are where their values say; "
+            f"{model.neq} equality constraints are not kept: joints follow their values; "
             "give those of a simulation"
         )
     return out

@@ -1,4 +1,4 @@
-"""The robot of an MJCF file, and what its copies share. Made by edits.py; docs/mjcf.md."""
+"""Robot of an MJCF file, and the state that its copies share. Made by edits.py; docs/mjcf.md."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Shared:
-    """What all copies of one file share."""
+    """State that all copies of one file share."""
 
     source: Compiled
     looks: Looks
@@ -32,8 +32,8 @@ class MjcfRobot(Robot):
 
     keyframes: (C,) values by the keyframe's name.
     instances: the uppermost link of each body that is beneath the world, by the body's name.
-    geoms, cameras, lights, sites, tendons, skins: entities by MuJoCo's names; what has none is
-    called by its kind and number: "geom3".
+    geoms, cameras, lights, sites, tendons, skins: entities by MuJoCo's names; unnamed ones by their
+    kind and number: "geom3".
     """
 
     def __init__(self, scene: Scene, name: str, model: RobotModel, shared: Shared) -> None:

@@ -1,4 +1,4 @@
-"""Which geoms and sites are seen, where and how. Used by edits.py."""
+"""Visible geoms and sites: places and materials. Used by edits.py."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .geometry import Shape, kind_of
 from .looks import Look, is_flat, look_of, texture_of
 from .reading import Compiled, pose
 
-_MIRRORS = ("plane", "box")  # what MuJoCo shows reflectance of
+_MIRRORS = ("plane", "box")  # kinds that MuJoCo shows reflectance of
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def _data_of_site(model: Any, index: int) -> int:
 def _picture(
     model: Any, look: Look, size: tuple[float, ...]
 ) -> tuple[tuple[float, float] | None, tuple[int, int] | None]:
-    """How a texture lies on a surface: Shape.repeat and Shape.cube."""
+    """Layout of a texture on a surface: Shape.repeat and Shape.cube."""
     texture = texture_of(model, look)
     if texture < 0:
         return None, None
@@ -84,7 +84,7 @@ def _picture(
 
 
 def hidden(source: Compiled, groups: Sequence[int], sites: bool) -> list[str]:
-    """What is told of those that are not seen."""
+    """Warnings of geoms, sites, tendons and skins that are not shown."""
     out = []
     for kind in ("geom", "site", "tendon", "skin"):
         count = getattr(source.model, f"n{kind}")
