@@ -22,7 +22,7 @@ struct DeviceMesh {
   u32 segments = 0;         // 0: it does not deform
   bool reshaped = false;    // Mesh::reshaped
   std::shared_ptr<const MeshAccelerator> accelerator;
-  Box rest;  // of the first key's triangles
+  Box rest;  // of the first key's triangles or segments
   /// Positions at the middle of the span.
   [[nodiscard]] const vec3* middle() const {
     return positions.data() + u64(segments / 2) * topology->vertex_count;
@@ -52,7 +52,7 @@ class MeshBuilder {
   [[nodiscard]] static DerivedKey key_of(const Mesh& mesh);
   /// Whether build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
-  /// Bounds of the rest vertices of the triangles under a linear map.
+  /// Bounds of the triangles or segments at rest under a linear map.
   [[nodiscard]] Box rest_bounds(const DeviceMesh& mesh, const mat3& map) const;
 
  private:

@@ -28,7 +28,9 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.any_holes = surfaces->holes != nullptr;
   view_.plain_rays =
       !view_.any_holes && placement->moving.empty() &&
-      std::ranges::all_of(meshes_, [](const auto& mesh) { return mesh.segments == 0; });
+      std::ranges::all_of(meshes_, [](const auto& mesh) {
+        return mesh.segments == 0 && mesh.shape != kernels::Shape::kCurves;
+      });
   view_.meshes = meshes_.data();
   view_.materials = materials->materials.data();
   view_.textures = materials->textures.data();

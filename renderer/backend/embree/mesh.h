@@ -7,6 +7,10 @@
 namespace heliograph::embree {
 
 struct EmbreeMesh final : MeshAccelerator {
+  explicit EmbreeMesh(const DeviceMesh& mesh) : view(mesh.view()) {}
+  // What primitives that are no triangles are computed from, ray by ray: positions, those at rest,
+  // triangles and strand_points.
+  kernels::MeshView view;
   SceneHandle scene;
   u64 bytes_ = 0;
   [[nodiscard]] u64 bytes() const override { return bytes_; }
