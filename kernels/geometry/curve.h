@@ -173,7 +173,8 @@ KERNEL Vec3<F> zero_of(const MeshView& mesh, uvec3 points, Vec3<F> axis) {
   const Vec3<F> given(mesh.strand_points[points.x]);
   const Vec3<F> flat = given - from * dot(given, from);
   const F length2 = dot(flat, flat);
-  const Vec3<F> zero = length2 > F(1e-6) ? flat / std::sqrt(length2) : make_frame(from).s;
+  const Vec3<F> zero =
+      length2 > F(1e-6) ? flat / std::sqrt(length2) : Vec3<F>(make_frame(vec3(from)).s);
   const F opposite = 1 + dot(from, axis);
   if (from == axis || !(opposite > 0)) return zero;
   const Vec3<F> turned = zero - (from + axis) * (dot(axis, zero) / opposite);
