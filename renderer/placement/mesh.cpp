@@ -77,12 +77,12 @@ Box shape_bounds(kernels::Shape shape, mat3 map) {
 /// Bounds of some triangles, or segments of strands, under a linear map.
 Box bounds_under(const DeviceMesh& mesh, std::span<const uvec3> primitives, const mat3& map) {
   const vec3* rest = mesh.vertices->positions.data();
-  const ArrayOf<vec4>& points = mesh.topology->strand_points;
+  const ArrayOf<float>& radii = mesh.topology->radii;
   const vec3 reach = sphere_reach(map);
   Box box;
   for (const uvec3 t : primitives)
     for (const u32 v : {t.x, t.y, t.z}) {
-      const vec3 p = map * rest[v], half = points.empty() ? vec3(0) : reach * points[v].w;
+      const vec3 p = map * rest[v], half = radii.empty() ? vec3(0) : reach * radii[v];
       box.extend(p - half);
       box.extend(p + half);
     }
@@ -97,18 +97,18 @@ kernels::MeshView DeviceMesh::view() const {
   view.positions = positions.data();
   view.normals = normals.data();
   view.rest_positions = vertices->positions.data();
-  view.uvs = topology->uvs.data();
+  view.uvs_around = strands && topology->uvs.empty();
+  view.uvs = view.uvs_around ? strands->uvs.data() : topology->uvs.data();
   view.uvs1 = topology->uvs1.data();
   view.colors = topology->colors.data();
   view.tangents = topology->tangents.data();
   view.parts = topology->parts.data();
-  view.strand_points = topology->strand_points.data();
+  if (strands) view.strand_points = strands->points.data();
   view.triangle_count = u32(topology->triangles.size());
   view.vertex_count = topology->vertex_count;
   view.part_count = topology->part_count;
   view.segments = segments;
   view.shape = shape();
-  view.uvs_around = topology->uvs_around;
   return view;
 }
 
@@ -118,6 +118,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::finish(std::shared_ptr<Device
                                                           const Interrupt& interrupt) const {
   const ArrayOf<uvec3>& triangles = mesh->topology->triangles;
   const ArrayOf<vec3>& positions = mesh->positions;
+  mesh->strands = strands_of(*mesh->topology, *mesh->vertices, cache_);
   const DerivedKey key = accelerator_key(*mesh->topology, *mesh->vertices, positions);
   auto made = cache_.try_get<MeshAccelerator>(key, {positions.buffer(), triangles.buffer()},
                                               [&] { return accelerator_.build(*mesh, interrupt); });

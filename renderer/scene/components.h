@@ -120,9 +120,8 @@ struct MeshTopology {
   std::vector<Symmetry> symmetries;
   LightShape shape = LightShape::kMesh;  // that its triangles stand for (light_shapes.h)
   // Of curves (strands.h); empty: triangles.
-  ArrayOf<u32> curves;          // points of each strand; they follow each other
-  ArrayOf<vec4> strand_points;  // as kernels::MeshView has them
-  bool uvs_around = false;      // `uvs` are made from the points, v goes around the strand
+  ArrayOf<u32> curves;   // points of each strand; they follow each other
+  ArrayOf<float> radii;  // metres, of the spheres about the points
 };
 
 /// Positions and normals at one or more times, in mesh coordinates.

@@ -1,22 +1,31 @@
-// Strands of curves: what is computed once from their points. Called by server/convert.
+// Strands of curves: their segments, and how far they reach. Called by server/convert and by
+// renderer/placement.
 #pragma once
 
+#include <glm/glm.hpp>
 #include <span>
+#include <vector>
 
-#include "renderer/base/error.h"
-#include "renderer/scene/components.h"
+#include "renderer/base/types.h"
 
 namespace heliograph {
 
-/// Sets the segments of a topology from its `curves`, whose numbers sum to vertex_count and are 2
-/// at least, its strand_points, and its uvs where it has none: u is the share of a strand's length.
+/// The segments of strands whose points follow each other, as kernels::MeshView has them.
 ///
-/// positions   vertex_count, metres, mesh coordinates
-/// radii       as many, metres
-void set_strands(MeshTopology& topology, std::span<const vec3> positions,
-                 std::span<const float> radii);
+/// curves   points of each, 2 at least
+[[nodiscard]] inline std::vector<uvec3> segments_of(std::span<const u32> curves) {
+  std::vector<uvec3> segments;
+  u32 first = 0;
+  for (const u32 count : curves) {
+    for (u32 i = first; i + 1 < first + count; ++i) segments.emplace_back(i, i + 1, i);
+    first += count;
+  }
+  return segments;
+}
 
 /// How far the unit sphere reaches along each axis under a linear map.
-[[nodiscard]] vec3 sphere_reach(const mat3& map);
+[[nodiscard]] inline vec3 sphere_reach(const mat3& map) {
+  return glm::sqrt(map[0] * map[0] + map[1] * map[1] + map[2] * map[2]);
+}
 
 }  // namespace heliograph

@@ -33,10 +33,10 @@ void WorldBoxes::add(u32 entity, std::optional<Box>& box) const {
   const auto moved = deform(snapshot_, entity, snapshot_.time, poses_);
   const std::span<const vec3> positions =
       moved ? std::span<const vec3>(moved->positions) : mesh->value->vertices->positions.span();
-  const auto points = mesh->value->topology->strand_points.span();
+  const auto radii = mesh->value->topology->radii.span();
   const vec3 unit = sphere_reach(mat3(poses_[entity]));
   for (std::size_t i = 0; i < positions.size(); ++i)
-    extend(positions[i], points.empty() ? vec3(0) : unit * points[i % points.size()].w);
+    extend(positions[i], radii.empty() ? vec3(0) : unit * radii[i % radii.size()]);
 }
 
 std::optional<Box> WorldBoxes::of(u32 entity) const {

@@ -105,7 +105,7 @@ Expected<PutMesh> to_mesh(const v1::Mesh& message, ArraySource& source) {
   if (!vertices) return std::unexpected(std::move(vertices).error());
   patch.vertices = std::make_shared<const VertexKeys>(std::move(*vertices));
   if (!has_primitives(message)) return patch;
-  auto topology = to_topology(message, patch.vertices->positions.span().first(*count), source);
+  auto topology = to_topology(message, *count, source);
   if (!topology) return std::unexpected(std::move(topology).error());
   patch.topology = std::make_shared<const MeshTopology>(std::move(*topology));
   return patch;

@@ -52,28 +52,24 @@ Status check_radii(std::span<const float> radii) {
   return {};
 }
 
-Status read_strands(const v1::Mesh& message, std::span<const vec3> positions, ArraySource& source,
-                    MeshTopology& topology) {
+Status read_strands(const v1::Mesh& message, ArraySource& source, MeshTopology& topology) {
   if (message.curves().shape_size() > 0 && message.curves().shape(0) == 0)
     return fail(Code::kInvalidArgument, "curves.shape",
                 "is (0); send the points of 1 strand or more");
   HELIO_TAKE(topology.curves,
              read_integers<u32>(message.curves(), source, {{"S", {}}}, v1::D_TYPE_U32), "curves");
-  HELIO_CHECK(check_strands(topology.curves.span(), positions.size()), "curves");
-  ArrayOf<float> radii;
-  HELIO_TAKE(radii, read_floats<float>(message.radii(), source, {{"V", positions.size()}}),
-             "radii");
-  HELIO_CHECK(check_radii(radii.span()), "radii");
-  set_strands(topology, positions, radii.span());
+  HELIO_CHECK(check_strands(topology.curves.span(), topology.vertex_count), "curves");
+  HELIO_TAKE(topology.radii,
+             read_floats<float>(message.radii(), source, {{"V", topology.vertex_count}}), "radii");
+  HELIO_CHECK(check_radii(topology.radii.span()), "radii");
+  topology.triangles = ArrayOf(segments_of(topology.curves.span()));
   return {};
 }
 
 void add_strands(const MeshTopology& topology, const ArraySink& sink, v1::Mesh& message) {
   const std::vector<u64> strands{topology.curves.size()}, points{topology.vertex_count};
   *message.mutable_curves() = to_array(topology.curves.buffer(), v1::D_TYPE_U32, strands, sink);
-  std::vector<float> radii;
-  for (const vec4& point : topology.strand_points.span()) radii.push_back(point.w);
-  *message.mutable_radii() = to_array(std::move(radii), points, sink);
+  *message.mutable_radii() = to_array(topology.radii.buffer(), v1::D_TYPE_F32, points, sink);
 }
 
 template <class T>
@@ -224,15 +220,13 @@ v1::Symmetry symmetry_to_proto(const Symmetry& symmetry, const ArraySink& sink) 
 
 }  // namespace
 
-Expected<MeshTopology> to_topology(const v1::Mesh& message, std::span<const vec3> positions,
-                                   ArraySource& source) {
-  const u32 vertex_count = u32(positions.size());
+Expected<MeshTopology> to_topology(const v1::Mesh& message, u32 vertex_count, ArraySource& source) {
   MeshTopology topology{.vertex_count = vertex_count};
   const Dim vertices{"V", vertex_count};
   if (message.has_uvs())
     HELIO_TAKE(topology.uvs, read_floats<vec2>(message.uvs(), source, {vertices, kTwo}), "uvs");
   if (message.has_curves())
-    HELIO_TRY(read_strands(message, positions, source, topology));
+    HELIO_TRY(read_strands(message, source, topology));
   else
     HELIO_TAKE(topology.triangles, read_triangles(message.indices(), vertex_count, source),
                "indices");
@@ -263,8 +257,7 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
     *message.mutable_indices() = add(topology.triangles, v1::D_TYPE_U32, {triangles, 3});
   else
     add_strands(topology, sink, message);
-  if (!topology.uvs.empty() && !topology.uvs_around)
-    *message.mutable_uvs() = add(topology.uvs, f32, {vertices, 2});
+  if (!topology.uvs.empty()) *message.mutable_uvs() = add(topology.uvs, f32, {vertices, 2});
   if (!topology.uvs1.empty()) *message.mutable_uvs1() = add(topology.uvs1, f32, {vertices, 2});
   if (!topology.colors.empty())
     *message.mutable_colors() = add(topology.colors, f32, {vertices, 4});

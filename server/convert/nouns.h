@@ -37,10 +37,7 @@ namespace heliograph::server {
 [[nodiscard]] Expected<PutMesh> to_mesh(const v1::Mesh& message, ArraySource& source);
 [[nodiscard]] v1::Mesh to_proto(const PutMesh& patch, const ArraySink& sink);
 /// Reads everything of a mesh but positions, times and normals.
-///
-/// positions   of the first key
-[[nodiscard]] Expected<MeshTopology> to_topology(const v1::Mesh& message,
-                                                 std::span<const vec3> positions,
+[[nodiscard]] Expected<MeshTopology> to_topology(const v1::Mesh& message, u32 vertex_count,
                                                  ArraySource& source);
 void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh& message);
 

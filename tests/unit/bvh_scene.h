@@ -86,7 +86,8 @@ inline PutMesh morphing_strands(Random& random, u32 strands, float reach) {
   std::vector<vec3> moves(topology->vertex_count);
   for (vec3& move : moves) move = random_vec3(random, 0.3f);
   topology->morph_positions = ArrayOf(std::move(moves));
-  set_strands(*topology, positions, radii);
+  topology->triangles = ArrayOf(segments_of(topology->curves.span()));
+  topology->radii = ArrayOf(std::move(radii));
   auto vertices = std::make_shared<VertexKeys>();
   vertices->times = {0};
   vertices->positions = ArrayOf(std::move(positions));

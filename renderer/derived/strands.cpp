@@ -1,9 +1,9 @@
-#include "renderer/scene/strands.h"
+#include "renderer/derived/strands.h"
 
 #include <glm/glm.hpp>
 #include <vector>
 
-namespace heliograph {
+namespace heliograph::resident {
 namespace {
 
 /// A unit vector across a unit vector.
@@ -57,28 +57,29 @@ void add_uvs(std::span<const vec3> points, std::vector<vec2>& out) {
 
 }  // namespace
 
-void set_strands(MeshTopology& topology, std::span<const vec3> positions,
-                 std::span<const float> radii) {
-  std::vector<uvec3> segments;
-  std::vector<vec4> points;
-  std::vector<vec2> uvs;
-  points.reserve(positions.size());
-  u32 first = 0;
-  for (const u32 count : topology.curves.span()) {
-    for (u32 i = first; i + 1 < first + count; ++i) segments.emplace_back(i, i + 1, i);
-    add_points(positions.subspan(first, count), radii.subspan(first, count), points);
-    if (topology.uvs.empty()) add_uvs(positions.subspan(first, count), uvs);
-    first += count;
-  }
-  topology.triangles = ArrayOf(std::move(segments));
-  topology.strand_points = ArrayOf(std::move(points));
-  if (!topology.uvs.empty()) return;
-  topology.uvs = ArrayOf(std::move(uvs));
-  topology.uvs_around = true;
+std::shared_ptr<const Strands> strands_of(const MeshTopology& topology, const VertexKeys& vertices,
+                                          DerivedCache& cache) {
+  if (topology.curves.empty()) return nullptr;
+  const DerivedKey key{Derived::kStrands,
+                       {vertices.positions.serial(), topology.triangles.serial()}};
+  const Sources sources{vertices.positions.buffer(), topology.triangles.buffer()};
+  return cache.get<Strands>(key, sources, [&] {
+    std::vector<vec4> points;
+    std::vector<vec2> uvs;
+    points.reserve(topology.vertex_count);
+    uvs.reserve(topology.vertex_count);
+    u32 first = 0;
+    for (const u32 count : topology.curves.span()) {
+      const auto strand = vertices.positions.span().subspan(first, count);
+      add_points(strand, topology.radii.span().subspan(first, count), points);
+      add_uvs(strand, uvs);
+      first += count;
+    }
+    auto strands = std::make_shared<Strands>();
+    strands->points = ArrayOf(std::move(points));
+    strands->uvs = ArrayOf(std::move(uvs));
+    return strands;
+  });
 }
 
-vec3 sphere_reach(const mat3& map) {
-  return glm::sqrt(map[0] * map[0] + map[1] * map[1] + map[2] * map[2]);
-}
-
-}  // namespace heliograph
+}  // namespace heliograph::resident
