@@ -10,6 +10,7 @@
 #pragma once
 
 #include "kernels/geometry/curve.h"
+#include "kernels/material/material.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -127,6 +128,12 @@ KERNEL auto with_kind(Shape shape, const F& f) {
       break;
   }
   return f(Triangles{});
+}
+
+KERNEL PrimitiveSurface primitive_surface(const PrimitiveAt& at, vec2 place) {
+  if (has_curves(at.mesh)) return Curves::surface(at, place);
+  if (at.mesh.shape == Shape::kSphere) return Sphere::surface(at, place);
+  return Triangles::surface(at, place);  // and Disc
 }
 
 /// Extends a box by where a primitive is at a key of its mesh.

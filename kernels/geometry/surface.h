@@ -75,8 +75,7 @@ KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.baryc
 
 /// Edges of object space along which a surface's attributes change.
 KERNEL Corners edges_at(const Surface& s) {
-  if (s.mesh->shape == Shape::kCurves)
-    return strand_edges(*s.mesh, s.triangle, s.time, s.barycentric);
+  if (has_curves(*s.mesh)) return strand_edges(*s.mesh, s.triangle, s.time, s.barycentric);
   return corners_at(*s.mesh, s.triangle, s.time);
 }
 
@@ -84,10 +83,10 @@ KERNEL Corners edges_at(const Surface& s) {
 struct UvEdges {
   vec2 ab, ac;
 };
-KERNEL UvEdges uv_edges(const Surface& s, u32 uv_set) {
-  const vec2* uvs = uv_set ? s.mesh->uvs1 : s.mesh->uvs;
-  const vec2 a = uvs[s.triangle.x], ab = uvs[s.triangle.y] - a;
-  if (uv_set == 0 && s.mesh->uvs_around) return {ab, vec2(0, 1)};
+KERNEL UvEdges uv_edges(const Surface& s, const vec2* uvs) {
+  const vec2 a = uvs[s.triangle.x];
+  const vec2 ab = uvs[s.triangle.y] - a;
+  if (has_curves(*s.mesh) && s.mesh->uvs_around && uvs == s.mesh->uvs) return {ab, vec2(0, 1)};
   return {ab, uvs[s.triangle.z] - a};
 }
 
@@ -107,9 +106,9 @@ KERNEL Uvs uvs_at(const Surface& s, float width) {
   const float area2 = dot(n, n);
   if (!(area2 > 0)) return uvs;
   const vec2* sets[2] = {s.mesh->uvs, s.mesh->uvs1};
-  for (u32 i = 0; i < 2; ++i) {
+  for (int i = 0; i < 2; ++i) {
     if (!sets[i]) continue;
-    const auto [u, v] = uv_edges(s, i);
+    const auto [u, v] = uv_edges(s, sets[i]);
     uvs.width[i] = width * std::sqrt(std::fabs(u.x * v.y - u.y * v.x) / std::sqrt(area2));
   }
   return uvs;
@@ -124,7 +123,7 @@ struct Tangents {
 ///
 /// c   edges_at(s)
 KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
-  if (s.mesh->shape == Shape::kCurves) return {c.ab, c.ac};
+  if (has_curves(*s.mesh)) return {c.ab, c.ac};
   if (s.mesh->tangents && uv_set == 0) {
     const vec4* all = s.mesh->tangents;
     const vec4 a = all[s.triangle.x];
@@ -134,8 +133,9 @@ KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
                                    : cross(c.ab, c.ac);
     return {t, cross(n, t) * a.w};
   }
-  if (!(uv_set ? s.mesh->uvs1 : s.mesh->uvs)) return {vec3(0), vec3(0)};
-  const auto [ab, ac] = uv_edges(s, uv_set);
+  const vec2* uvs = uv_set ? s.mesh->uvs1 : s.mesh->uvs;
+  if (!uvs) return {vec3(0), vec3(0)};
+  const auto [ab, ac] = uv_edges(s, uvs);
   const float sign = ab.x * ac.y - ab.y * ac.x < 0 ? -1.0f : 1.0f;
   return {(c.ab * ac.y - c.ac * ab.y) * sign, (c.ac * ab.x - c.ab * ac.x) * sign};
 }
@@ -171,8 +171,9 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 mapped_normal(const SceneView& scene
 HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 bumped_normal(const SceneView& scene, Surface s,
                                                           vec3 ns) {
   const TextureUseView& use = s.material->bump_map;
-  if (!(use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs)) return ns;
-  const UvEdges edges = uv_edges(s, use.uv_set & 1);
+  const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
+  if (!uvs) return ns;
+  const UvEdges edges = uv_edges(s, uvs);
   const vec2 ab = turn_uv(use, edges.ab), ac = turn_uv(use, edges.ac);
   const float area = ab.x * ac.y - ab.y * ac.x;
   if (!(std::fabs(area) > 0)) return ns;
@@ -206,17 +207,14 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u3
     prefetch(s.mesh->normals + s.triangle.y);
     prefetch(s.mesh->normals + s.triangle.z);
   }
-  // Attributes do not go on beyond a strand's ends.
-  const bool curve = s.mesh->shape == Shape::kCurves;
-  s.barycentric = curve ? vec2(clamp01(barycentric.x), barycentric.y) : barycentric;
+  s.barycentric = barycentric;
+  if (has_curves(*s.mesh)) s.barycentric.x = clamp01(barycentric.x);  // no attribute goes beyond
   s.part = part_of(*s.mesh, primitive);
   s.material = &material_of(scene, *s.instance, s.part);
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
 
   s.pose = pose_at(scene, *s.instance, time);
-  const PrimitiveAt at{*s.mesh, primitive, time};
-  const PrimitiveSurface own =
-      with_kind(s.mesh->shape, [&](auto kind) { return decltype(kind)::surface(at, barycentric); });
+  const PrimitiveSurface own = primitive_surface({*s.mesh, primitive, time}, barycentric);
   s.p = transform_point(s.pose.world_from_object, own.p);
   s.ng =
       normalize_or(transform_normal(s.pose.object_from_world, near_one(own.normal)), vec3(0, 0, 1));

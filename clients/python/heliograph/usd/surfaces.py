@@ -67,6 +67,8 @@ class Surfaces:
             geometry, vertices = found or (None, vertices)
         elif prim.IsA(UsdGeom.BasisCurves):
             geometry = curves.geometry(self.context, prim)
+            if any(self.context.model.looks[part.look].primvars for part in parts):
+                self.context.note(prim, "its textures go along and around it, by no primvar")
         else:
             geometry = gprims.geometry(self.context, prim)
         if geometry is None:
