@@ -252,7 +252,7 @@ void measure_mesh(const std::shared_ptr<Context>& context, const cuda::TreeBuild
   mesh.triangle_count = u32(triangles.size());
   mesh.vertex_count = u32(positions.size());
   std::vector<BvhBox> boxes;
-  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::primitive_box(mesh, i));
   const test::LoopBuild steps(boxes, 0.3f, test::LoopOrder::kForwards);
   const DeviceMemory corners = on_device(*context, triangles);
   const DeviceMemory places = on_device(*context, positions);

@@ -42,9 +42,9 @@ struct alignas(16) BvhTriangle {
 };
 
 /// The tree over one mesh. A leaf's items are numbers of `triangles`, or of `triangle_numbers`
-/// where the mesh deforms: then boxes hold at all times and `triangles` is null.
+/// where the mesh deforms or has curves: then boxes hold at all times and `triangles` is null.
 struct MeshBvh {
-  const BvhNode* nodes;  // the root is the first; null: a shape (shape.h)
+  const BvhNode* nodes;  // the root is the first; null: a disc or a sphere (shape.h)
   const BvhTriangle* triangles;
   const u32* triangle_numbers;
 };

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "kernels/bvh/bvh.h"
-#include "kernels/geometry/motion.h"
+#include "kernels/geometry/primitive.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -102,16 +102,17 @@ KERNEL BvhBox ray_box(const InstanceView& instance, const MotionKey* motion_keys
   return {box.lower - margin, box.upper + margin};
 }
 
-/// Where a triangle is at any time.
-KERNEL BvhBox triangle_box(const MeshView& mesh, u32 number) {
-  const uvec3 corners = mesh.triangles[number];
+/// Where a primitive is at any time.
+KERNEL BvhBox primitive_box(const MeshView& mesh, u32 number) {
   BvhBox box = no_box();
-  for (u32 key = 0; key <= mesh.segments; ++key)
-    for (int k = 0; k < 3; ++k)
-      box.extend(mesh.positions[u64(key) * mesh.vertex_count + corners[k]]);
+  for (u32 key = 0; key <= mesh.segments; ++key) bound_primitive(mesh, number, key, box);
   return box;
 }
 
+/// Whether the tree over a mesh has its triangles, not their numbers alone.
+KERNEL bool has_packed_triangles(const MeshView& mesh) {
+  return mesh.segments == 0 && mesh.shape == Shape::kTriangles;
+}
 /// A triangle of a mesh that does not deform while the shutter is open.
 KERNEL BvhTriangle bvh_triangle(const MeshView& mesh, u32 number) {
   const uvec3 corners = mesh.triangles[number];

@@ -46,6 +46,18 @@ HELIO_RARE KERNEL BvhTriangle deformed_triangle(const SceneView& scene, const Bv
 struct ObjectRay {
   vec3 origin, direction;
 };
+
+/// Where a segment of a strand is met by a ray of its object space; at NAN where it is not.
+HELIO_RARE KERNEL Hit segment_hit(const SceneView& scene, const BvhView& bvh, u32 item,
+                                  DeformedItem segment, ObjectRay ray) {
+  const BvhInstance& instance = bvh.items[item];
+  const u32 number = bvh.meshes[instance.mesh].triangle_numbers[segment.i];
+  ShapeHit hit;
+  if (!Curves::meet({scene.meshes[instance.mesh], number, segment.time},
+                    {ray.origin, ray.direction, INFINITY}, hit))
+    return {NAN, kNone, kNone, 0, 0};
+  return {hit.t, instance.instance, number, hit.place.x, hit.place.y};
+}
 KERNEL ObjectRay object_ray(const BvhInstance& instance, const ObjectRay& world) {
   const vec3 o = world.origin, d = world.direction;
   ObjectRay ray;
@@ -64,8 +76,8 @@ HELIO_RARE KERNEL ObjectRay moving_object_ray(const SceneView& scene, u32 instan
   return {transform_point(m, world.origin), transform_vector(m, world.direction)};
 }
 
-/// Where an instance that shows a shape is met by a ray of its object space; at NAN where it is
-/// not.
+/// Where an instance that shows a disc or a sphere is met by a ray of its object space; at NAN
+/// where it is not.
 KERNEL Hit shape_hit(const SceneView& scene, const BvhInstance& item, ObjectRay ray) {
   ShapeHit hit;
   if (!meet_shape(scene.meshes[item.mesh].shape, {ray.origin, ray.direction, INFINITY}, hit))
@@ -161,6 +173,8 @@ class BvhWalkFor {
   KERNEL void meet(const BvhGroup& items) {
     if (item_ == kNone)
       meet_instances(items);
+    else if (kRichRays && !triangles_ && has_curves())
+      meet_segments(items);
     else
       meet_triangles(items);
   }
@@ -273,6 +287,20 @@ class BvhWalkFor {
         instance = bvh_->fixed.instances[triangles_[i].member];
       }
       keep({met.t, instance, triangle.number, met.u, met.v});
+      if (any_ && hit_.instance != kNone) return;
+    }
+  }
+
+  /// Whether the instance that the walk is in has no packed triangles because it has curves.
+  KERNEL bool has_curves() const {
+    return scene_->meshes[bvh_->items[item_].mesh].shape == Shape::kCurves;
+  }
+  KERNEL void meet_segments(BvhGroup items) {
+    while (items.bits != 0) {
+      const u32 bit = highest_bit(items.bits);
+      items.bits ^= 1u << bit;
+      keep(segment_hit(*scene_, *bvh_, item_, {items.base + bit, time_},
+                       {space_.origin, direction_}));
       if (any_ && hit_.instance != kNone) return;
     }
   }

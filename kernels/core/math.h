@@ -106,12 +106,13 @@ KERNEL vec3 normalize_or(vec3 v, vec3 otherwise) {
   return length2 > 0 ? v * (1 / std::sqrt(length2)) : otherwise;
 }
 
+/// A power of two that brings a number in [2^-126, 2^127) into [1, 2).
+KERNEL float scale_near_one(float x) {
+  return __builtin_bit_cast(float, 0x7f000000u - (__builtin_bit_cast(u32, x) & 0x7f800000u));
+}
 /// v times a power of two that brings its largest component into [1, 2): the same direction to the
 /// last bit. Of a component in [2^-126, 2^127).
-KERNEL vec3 near_one(vec3 v) {
-  const u32 exponent = __builtin_bit_cast(u32, max_component(abs3(v))) & 0x7f800000u;
-  return v * __builtin_bit_cast(float, 0x7f000000u - exponent);
-}
+KERNEL vec3 near_one(vec3 v) { return v * scale_near_one(max_component(abs3(v))); }
 
 /// An orthonormal, right-handed basis; local z is n.
 template <class F>

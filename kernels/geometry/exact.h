@@ -1,4 +1,4 @@
-// Where a ray meets a triangle, worked out again in double precision, and which of two surfaces a
+// Where a ray meets a primitive, worked out again in double precision, and which of two surfaces a
 // label takes where single precision cannot tell. Called by probe_sight.h and by tracers.
 #pragma once
 
@@ -8,13 +8,30 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// A hit's distance and the weights of vertices 1 and 2.
+/// A hit's distance and its place: the weights of vertices 1 and 2, or as curve.h has it.
 struct ExactHit {
   double t, u, v;
 };
 
+/// The same ray in the space of an object, in double precision.
+HELIO_GPU_NOINLINE KERNEL bool meet_strand_exactly(const SceneView& scene, const Ray& ray,
+                                                   glm::dvec3 direction, const Hit& hit,
+                                                   ExactHit& exact) {
+  const InstanceView& instance = scene.instances[hit.instance];
+  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
+  const glm::dmat3 to_object = glm::inverse(glm::dmat3{pose[0], pose[1], pose[2]});
+  const SegmentRayOf<double> local{to_object * (glm::dvec3(ray.origin) - pose[3]),
+                                   to_object * direction, INFINITY};
+  SegmentHitOf<double> met;
+  const PrimitiveAt at{scene.meshes[instance.mesh], hit.primitive, ray.time};
+  if (!meet_segment<double>(at, local, met)) return false;
+  exact = {met.t, met.place.x, met.place.y};
+  return true;
+}
+
 /// By meet_triangle() in single precision a place on a floor of two triangles, a kilometre wide,
-/// may be off by a millimetre. False for a shape, and where the ray passes far beside the triangle.
+/// may be off by a millimetre. False for a disc and a sphere, and where the ray passes beside the
+/// primitive.
 ///
 /// direction   of the ray, unit
 KERNEL bool meet_exactly(const SceneView& scene, const Ray& ray, glm::dvec3 direction,
@@ -22,6 +39,7 @@ KERNEL bool meet_exactly(const SceneView& scene, const Ray& ray, glm::dvec3 dire
   using glm::dvec3;
   const InstanceView& instance = scene.instances[hit.instance];
   const MeshView& mesh = scene.meshes[instance.mesh];
+  if (mesh.shape == Shape::kCurves) return meet_strand_exactly(scene, ray, direction, hit, exact);
   if (mesh.shape != Shape::kTriangles) return false;
   const auto c = corners_at<dvec3>(mesh, mesh.triangles[hit.primitive], ray.time);
   const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);

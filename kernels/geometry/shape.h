@@ -11,6 +11,9 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+/// Whether a mesh is one of these: it has one primitive, and no tree over it.
+KERNEL bool is_whole(Shape shape) { return shape == Shape::kDisc || shape == Shape::kSphere; }
+
 /// The point of the unit disc at a place. Seen from its front with +y up, u goes to the right.
 KERNEL vec3 disc_point(vec2 place) { return vec3(1 - 2 * place.x, 2 * place.y - 1, 0); }
 KERNEL vec2 disc_place(vec3 p) { return vec2(0.5f - 0.5f * p.x, 0.5f + 0.5f * p.y); }

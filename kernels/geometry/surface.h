@@ -2,8 +2,7 @@
 // probe.h; everything is recomputed from (instance, primitive, barycentrics).
 #pragma once
 
-#include "kernels/geometry/motion.h"
-#include "kernels/geometry/shape.h"
+#include "kernels/geometry/primitive.h"
 #include "kernels/material/material.h"
 #include "kernels/scene/ray.h"
 
@@ -31,39 +30,14 @@ struct Surface {
   const MeshView* mesh;
   const MaterialView* material;
   uvec3 triangle;
-  vec2 barycentric;
-  u32 part;   // mesh part
-  u32 light;  // index into SceneView::lights, or kNone
+  vec2 barycentric;  // of a curve: share of the way from point a to b, and turns around
+  u32 part;          // mesh part
+  u32 light;         // index into SceneView::lights, or kNone
 };
 
 KERNEL vec3 interpolate(const vec3* values, uvec3 triangle, vec2 barycentric) {
   const vec3 a = values[triangle.x];
   return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
-}
-
-/// Corners of a triangle in object space: one of them and the edges from it.
-template <class V>
-struct CornersOf {
-  V a, ab, ac;
-};
-using Corners = CornersOf<vec3>;
-template <class V = vec3>
-KERNEL CornersOf<V> corners_of(const vec3* positions, uvec3 triangle) {
-  const V a(positions[triangle.x]);
-  return {a, V(positions[triangle.y]) - a, V(positions[triangle.z]) - a};
-}
-
-/// The same at a time, of a mesh that may deform.
-template <class V = vec3>
-KERNEL CornersOf<V> corners_at(const MeshView& mesh, uvec3 triangle, float time) {
-  if (mesh.segments == 0) return corners_of<V>(mesh.positions, triangle);
-  const Segment s = segment_at(mesh.segments, time);
-  const vec3* positions = mesh.positions + u64(s.index) * mesh.vertex_count;
-  const CornersOf<V> from = corners_of<V>(positions, triangle);
-  const CornersOf<V> to = corners_of<V>(positions + mesh.vertex_count, triangle);
-  const typename V::value_type u(s.u);
-  const auto mix = [u](V a, V b) { return a * (1 - u) + b * u; };
-  return {mix(from.a, to.a), mix(from.ab, to.ab), mix(from.ac, to.ac)};
 }
 
 /// The interpolated vertex normal of a mesh that has normals; not unit, object space.
@@ -99,6 +73,23 @@ KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
 
 KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.barycentric); }
 
+/// Edges of object space along which a surface's attributes change.
+KERNEL Corners edges_at(const Surface& s) {
+  if (has_curves(*s.mesh)) return strand_edges(*s.mesh, s.triangle, s.time, s.barycentric);
+  return corners_at(*s.mesh, s.triangle, s.time);
+}
+
+/// What a set of texture coordinates grows by along those edges.
+struct UvEdges {
+  vec2 ab, ac;
+};
+KERNEL UvEdges uv_edges(const Surface& s, const vec2* uvs) {
+  const vec2 a = uvs[s.triangle.x];
+  const vec2 ab = uvs[s.triangle.y] - a;
+  if (has_curves(*s.mesh) && s.mesh->uvs_around && uvs == s.mesh->uvs) return {ab, vec2(0, 1)};
+  return {ab, uvs[s.triangle.z] - a};
+}
+
 /// Texture coordinates with the width of a ray cone there. A slanted surface is blurred by the
 /// narrow side of the cone's ellipse, so never too much.
 ///
@@ -108,7 +99,7 @@ KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.baryc
 KERNEL Uvs uvs_at(const Surface& s, float width) {
   Uvs uvs = uvs_at(s);
   if (!(width > 0)) return uvs;
-  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  const Corners c = edges_at(s);
   const vec3 ab = transform_vector(s.pose.world_from_object, c.ab);
   const vec3 ac = transform_vector(s.pose.world_from_object, c.ac);
   const vec3 n = cross(ab, ac);
@@ -117,9 +108,7 @@ KERNEL Uvs uvs_at(const Surface& s, float width) {
   const vec2* sets[2] = {s.mesh->uvs, s.mesh->uvs1};
   for (int i = 0; i < 2; ++i) {
     if (!sets[i]) continue;
-    const vec2 a = sets[i][s.triangle.x];
-    const vec2 u = sets[i][s.triangle.y] - a;
-    const vec2 v = sets[i][s.triangle.z] - a;
+    const auto [u, v] = uv_edges(s, sets[i]);
     uvs.width[i] = width * std::sqrt(std::fabs(u.x * v.y - u.y * v.x) / std::sqrt(area2));
   }
   return uvs;
@@ -129,8 +118,12 @@ struct Tangents {
   vec3 t, b;  // object space; t zero when there are none
 };
 
-/// Tangents along u and v of a set of texture coordinates, from the mesh or from its uvs.
+/// Tangents along u and v of a set of texture coordinates, from the mesh or from its uvs; of curves
+/// along and around the strand.
+///
+/// c   edges_at(s)
 KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
+  if (has_curves(*s.mesh)) return {c.ab, c.ac};
   if (s.mesh->tangents && uv_set == 0) {
     const vec4* all = s.mesh->tangents;
     const vec4 a = all[s.triangle.x];
@@ -142,9 +135,7 @@ KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
   }
   const vec2* uvs = uv_set ? s.mesh->uvs1 : s.mesh->uvs;
   if (!uvs) return {vec3(0), vec3(0)};
-  const vec2 a = uvs[s.triangle.x];
-  const vec2 ab = uvs[s.triangle.y] - a;
-  const vec2 ac = uvs[s.triangle.z] - a;
+  const auto [ab, ac] = uv_edges(s, uvs);
   const float sign = ab.x * ac.y - ab.y * ac.x < 0 ? -1.0f : 1.0f;
   return {(c.ab * ac.y - c.ac * ab.y) * sign, (c.ac * ab.x - c.ab * ac.x) * sign};
 }
@@ -164,8 +155,7 @@ KERNEL vec3 world_bitangent(const Surface& s, vec3 ns, vec3 t, vec3 b_object) {
 /// The normal ns as a normal map tilts it.
 HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 mapped_normal(const SceneView& scene, Surface s,
                                                           const TextureUseView& use, vec3 ns) {
-  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
-  const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
+  const Tangents tangents = tangents_of(s, edges_at(s), use.uv_set & 1);
   const vec3 t = world_tangent(s, ns, tangents.t);
   if (is_black(t)) return ns;
   const vec3 b = world_bitangent(s, ns, t, tangents.b);
@@ -183,12 +173,11 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 bumped_normal(const SceneView& scene
   const TextureUseView& use = s.material->bump_map;
   const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
   if (!uvs) return ns;
-  const vec2 origin = uvs[s.triangle.x];
-  const vec2 ab = turn_uv(use, uvs[s.triangle.y] - origin);
-  const vec2 ac = turn_uv(use, uvs[s.triangle.z] - origin);
+  const UvEdges edges = uv_edges(s, uvs);
+  const vec2 ab = turn_uv(use, edges.ab), ac = turn_uv(use, edges.ac);
   const float area = ab.x * ac.y - ab.y * ac.x;
   if (!(std::fabs(area) > 0)) return ns;
-  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  const Corners c = edges_at(s);
   const vec3 along_u = transform_vector(s.pose.world_from_object, c.ab * ac.y - c.ac * ab.y) / area;
   const vec3 along_v = transform_vector(s.pose.world_from_object, c.ac * ab.x - c.ab * ac.x) / area;
   const TextureView& texture = scene.textures[use.texture];
@@ -219,24 +208,17 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u3
     prefetch(s.mesh->normals + s.triangle.z);
   }
   s.barycentric = barycentric;
+  if (has_curves(*s.mesh)) s.barycentric.x = clamp01(barycentric.x);  // no attribute goes beyond
   s.part = part_of(*s.mesh, primitive);
   s.material = &material_of(scene, *s.instance, s.part);
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
 
   s.pose = pose_at(scene, *s.instance, time);
-  Corners c;
-  vec3 p, n;  // object space
-  if (s.mesh->shape == Shape::kSphere) {
-    p = n = sphere_point(barycentric);
-    c = {vec3(0), vec3(1), vec3(1)};
-  } else {
-    c = corners_at(*s.mesh, s.triangle, time);
-    p = c.a + c.ab * barycentric.x + c.ac * barycentric.y;
-    n = cross(c.ab, c.ac);
-  }
-  s.p = transform_point(s.pose.world_from_object, p);
-  s.ng = normalize_or(transform_normal(s.pose.object_from_world, near_one(n)), vec3(0, 0, 1));
-  s.offset = plane_error(s.pose.world_from_object, c, s.ng);
+  const PrimitiveSurface own = primitive_surface({*s.mesh, primitive, time}, barycentric);
+  s.p = transform_point(s.pose.world_from_object, own.p);
+  s.ng =
+      normalize_or(transform_normal(s.pose.object_from_world, near_one(own.normal)), vec3(0, 0, 1));
+  s.offset = plane_error(s.pose.world_from_object, own.extent, s.ng);
   s.ns = s.ng;
   return s;
 }
@@ -269,8 +251,7 @@ HELIO_GPU_NOINLINE KERNEL vec3 clearcoat_normal(const SceneView& scene, const Su
 /// The direction in which anisotropic highlights stretch: along u, turned towards v. Without
 /// texture coordinates along circles about the object's z axis.
 KERNEL vec3 anisotropic_tangent(const Surface& s, float turns) {
-  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
-  Tangents tangents = tangents_of(s, c, 0);
+  Tangents tangents = tangents_of(s, edges_at(s), 0);
   if (is_black(tangents.t)) {
     const vec3 n = transform_vector(s.pose.object_from_world, s.ns);
     tangents = {vec3(-n.y, n.x, 0), vec3(0, 0, 1)};

@@ -37,14 +37,12 @@ KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera,
   const Ray& ray = sight.ray;
   probe_point(p, camera, sight, t);
   p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
-  p.barycentric = s.barycentric;
 }
 
 KERNEL void probe_shading(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
   p.normal = dot(s.ng, ray.direction) > 0 ? -s.ns : s.ns;
   p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
-  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
-  p.tangent = world_tangent(s, s.ns, tangents_of(s, c, 0).t);
+  p.tangent = world_tangent(s, s.ns, tangents_of(s, edges_at(s), 0).t);
 }
 
 KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
@@ -55,6 +53,7 @@ KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
   p.part = instance.label != 0 ? instance.part + further : 0;
   p.material_id = s.material->id;
   p.primitive = hit.primitive;
+  p.barycentric = vec2(hit.u, hit.v);
 }
 
 KERNEL void probe_rest(Probe& p, const RestBoxView& box, vec3 p_object) {
@@ -62,9 +61,13 @@ KERNEL void probe_rest(Probe& p, const RestBoxView& box, vec3 p_object) {
   p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * box.nocs_scale;
 }
 
-KERNEL vec3 rest_position(const Surface& s) {
+KERNEL vec3 rest_position(const Surface& s, const Hit& hit) {
   const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
-  return interpolate(rest, s.triangle, s.barycentric);
+  if (s.mesh->shape != Shape::kCurves) return interpolate(rest, s.triangle, s.barycentric);
+  MeshView at_rest = *s.mesh;
+  at_rest.positions = rest;
+  at_rest.segments = 0;
+  return Curves::surface({at_rest, hit.primitive, 0}, vec2(hit.u, hit.v)).p;
 }
 
 /// What the wanted planes say of the surface itself.
@@ -89,7 +92,7 @@ KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit,
     p.opacity = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
   }
   if (wanted & planes_from<ProbeRest>())
-    probe_rest(p, context.rest_boxes[hit.instance], rest_position(s));
+    probe_rest(p, context.rest_boxes[hit.instance], rest_position(s, hit));
 }
 
 /// What the planes say of the point where a volume's transmittance is one half. It has no normal

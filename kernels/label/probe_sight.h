@@ -61,13 +61,14 @@ KERNEL Sight centre_sight(const CameraView& camera, vec2 centre) {
   return {ray, kCameraRay, near_of(camera, ray.direction), centre_direction(camera, centre, ray)};
 }
 
-/// A hit with its distance and its place in the triangle as meet_exactly() has them.
+/// A hit with its distance and its place in the primitive as meet_exactly() has them.
 KERNEL Hit refined(const SceneView& scene, const Ray& ray, glm::dvec3 direction, Hit hit) {
   ExactHit exact;
   if (hit.instance == kNone || !meet_exactly(scene, ray, direction, hit, exact)) return hit;
   hit.t = float(exact.t);
-  hit.u = clamp01(float(exact.u));
-  hit.v = min2(max2(float(exact.v), 0.0f), 1 - hit.u);
+  const bool curve = scene.meshes[scene.instances[hit.instance].mesh].shape == Shape::kCurves;
+  hit.u = curve ? float(exact.u) : clamp01(float(exact.u));
+  hit.v = curve ? float(exact.v) : min2(max2(float(exact.v), 0.0f), 1 - hit.u);
   return hit;
 }
 

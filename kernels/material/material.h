@@ -20,9 +20,15 @@ KERNEL vec2 interpolate(const vec2* values, uvec3 triangle, vec2 barycentric) {
   return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
 }
 
+/// Whether a mesh has curves. Plain programs render none.
+KERNEL bool has_curves(const MeshView& mesh) { return kRich && mesh.shape == Shape::kCurves; }
+
+/// barycentric   as Surface has it
 KERNEL Uvs uvs_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
-  return {{mesh.uvs ? interpolate(mesh.uvs, triangle, barycentric) : vec2(0),
+  Uvs uvs{{mesh.uvs ? interpolate(mesh.uvs, triangle, barycentric) : vec2(0),
            mesh.uvs1 ? interpolate(mesh.uvs1, triangle, barycentric) : vec2(0)}};
+  if (has_curves(mesh) && mesh.uvs_around) uvs.set[0].y += barycentric.y;
+  return uvs;
 }
 
 KERNEL vec4 color_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
@@ -156,6 +162,7 @@ HELIO_GPU_NOINLINE KERNEL float opacity_at(const SceneView& scene, u32 instance_
   const MaterialView& material = material_of(scene, instance, part_of(mesh, primitive));
   if (material.alpha_mode == AlphaMode::kOpaque) return 1;
   const uvec3 triangle = mesh.triangles[primitive];
+  if (has_curves(mesh)) barycentric.x = clamp01(barycentric.x);
   float alpha = material.constant.alpha;
   if (material.textured & kAlphaBit) {
     const Uvs uvs = uvs_at(mesh, triangle, barycentric);

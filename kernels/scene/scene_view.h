@@ -85,14 +85,15 @@ struct MaterialView {
 
 // ---------------------------------------------------------------- geometry
 
-/// What rays meet of a mesh: its triangles, or the shape that it stands for (shape.h).
-enum class Shape : u8 { kTriangles, kDisc, kSphere };
+/// What rays meet of a mesh: its triangles, the shape that it stands for (shape.h), or the round
+/// segments of its strands (curve.h). primitive.h has a type for each kind.
+enum class Shape : u8 { kTriangles, kDisc, kSphere, kCurves };
 
 /// A mesh as it is at this instant, in object space. Null: there is none. One that deforms while
 /// the shutter is open has positions and normals at segments + 1 equidistant times, one after the
 /// other.
 struct MeshView {
-  const uvec3* triangles;
+  const uvec3* triangles;  // of curves: points a, b, a of each segment, those of a strand in a row
   const vec3* positions;
   const vec3* normals;         // flat shading without
   const vec3* rest_positions;  // the first key without morph or skin: what labels measure
@@ -101,11 +102,14 @@ struct MeshView {
   const vec4* colors;
   const vec4* tangents;  // w: handedness
   const u32* parts;      // per triangle
+  // Of curves, per point: a vector across the strand at rest, of any length, and its radius.
+  const vec4* strand_points;
   u32 triangle_count;
   u32 vertex_count;
   u32 part_count;
   u32 segments;  // 0: it does not deform
   Shape shape;
+  bool uvs_around;  // of curves: v of the first set goes around the strand, see uvs_at()
 };
 
 enum InstanceFlag : u32 {
@@ -345,7 +349,8 @@ struct SceneView {
   bool any_passable;               // some instance has a passable material
   bool any_priority;               // some instance has a material with a priority
   bool any_rich;                   // some instance has a material that is_rich()
-  bool plain_rays;                 // no instance moves, deforms or has kMayBeHole
+  bool any_curves;                 // some mesh has curves
+  bool plain_rays;                 // no instance moves, deforms, has kMayBeHole or shows curves
   float radius;                    // of a sphere about the scene's bounds, metres
   vec3 center;
 };

@@ -26,8 +26,8 @@ struct ShotView {
 KERNEL bool is_plain(const ShotView& shot) {
   const SceneView& scene = shot.scene;
   const FilmView& film = shot.film;
-  return !scene.any_rich && !scene.any_media && scene.volume_count == 0 && !film.catcher &&
-         (film.wanted & kRichPlaneSet) == 0;
+  return !scene.any_rich && !scene.any_curves && !scene.any_media && scene.volume_count == 0 &&
+         !film.catcher && (film.wanted & kRichPlaneSet) == 0;
 }
 
 /// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.

@@ -20,12 +20,12 @@ constexpr TreeOptions kOverInstances{.item_cost = 2};
 
 Box of(const kernels::BvhBox& box) { return {box.lower, box.upper}; }
 
-/// Boxes of triangles, over all times.
-std::vector<Box> triangle_boxes(const DeviceMesh& mesh) {
+/// Boxes of primitives, over all times.
+std::vector<Box> primitive_boxes(const DeviceMesh& mesh) {
   const kernels::MeshView view = mesh.view();
   std::vector<Box> boxes(view.triangle_count);
   parallel_ranges(view.triangle_count, 4096u, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) boxes[i] = of(kernels::triangle_box(view, i));
+    for (u32 i = begin; i < end; ++i) boxes[i] = of(kernels::primitive_box(view, i));
   });
   return boxes;
 }
@@ -36,13 +36,8 @@ Box bounds_of(const DeviceMesh& mesh) {
   std::vector<Box> chunks((view.triangle_count + kChunk - 1) / kChunk);
   parallel_for(u32(chunks.size()), [&](u32 c) {
     const u32 end = std::min((c + 1) * kChunk, view.triangle_count);
-    kernels::BvhBox box = kernels::no_box();
-    for (u32 key = 0; key <= view.segments; ++key) {
-      const vec3* positions = view.positions + u64(key) * view.vertex_count;
-      for (u32 i = c * kChunk; i < end; ++i)
-        for (int k = 0; k < 3; ++k) box.extend(positions[view.triangles[i][k]]);
-    }
-    chunks[c] = of(box);
+    for (u32 key = 0; key <= view.segments; ++key)
+      for (u32 i = c * kChunk; i < end; ++i) kernels::bound_primitive(view, i, key, chunks[c]);
   });
   Box box;
   for (const Box& chunk : chunks) box.extend(chunk);
@@ -60,14 +55,14 @@ std::vector<kernels::BvhTriangle> triangles_of(const DeviceMesh& mesh,
 }
 
 BvhTree make_tree(const DeviceMesh& mesh) {
-  auto made = build_tree(triangle_boxes(mesh), kOverTriangles, {});
+  auto made = build_tree(primitive_boxes(mesh), kOverTriangles, {});
   assert(made);  // only an interrupt makes it fail
   BvhTree tree;
   tree.nodes = std::move(made->nodes);
-  if (mesh.segments > 0)
-    tree.triangle_numbers = std::move(made->items);
-  else
+  if (kernels::has_packed_triangles(mesh.view()))
     tree.triangles = triangles_of(mesh, made->items);
+  else
+    tree.triangle_numbers = std::move(made->items);
   return tree;
 }
 
@@ -75,11 +70,6 @@ kernels::MeshBvh view_of(const BvhTree& tree) {
   return {tree.nodes.empty() ? nullptr : tree.nodes.data(),
           tree.triangles.empty() ? nullptr : tree.triangles.data(),
           tree.triangle_numbers.empty() ? nullptr : tree.triangle_numbers.data()};
-}
-
-Box shape_box(kernels::Shape shape) {
-  const float z = shape == kernels::Shape::kSphere ? 1 : 0;
-  return {vec3(-1, -1, -z), vec3(1, 1, z)};
 }
 
 kernels::BvhBox mesh_box(const Placement& placement, u32 slot) {
@@ -146,11 +136,8 @@ BvhTop tree_over(const Placement& placement, std::span<const kernels::MeshBvh> m
 }  // namespace
 
 BvhMesh::BvhMesh(const DeviceMesh& mesh) {
-  if (mesh.shape() != kernels::Shape::kTriangles) {
-    box_ = shape_box(mesh.shape());
-    return;
-  }
   box_ = bounds_of(mesh);
+  if (kernels::is_whole(mesh.shape())) return;
   if (mesh.is_deformed()) {
     constexpr u64 kNodeBytes = 24;  // a triangle's share
     bytes_ = mesh.topology->triangles.size() * (sizeof(kernels::BvhTriangle) + kNodeBytes);
@@ -158,12 +145,13 @@ BvhMesh::BvhMesh(const DeviceMesh& mesh) {
   }
   const BvhTree& made = tree(mesh);
   bytes_ = made.nodes.size() * sizeof(kernels::BvhNode) +
-           made.triangles.size() * sizeof(kernels::BvhTriangle);
+           made.triangles.size() * sizeof(kernels::BvhTriangle) +
+           made.triangle_numbers.size() * sizeof(u32);
 }
 
 const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
   std::call_once(made_, [&] {
-    if (mesh.shape() != kernels::Shape::kTriangles) return;
+    if (kernels::is_whole(mesh.shape())) return;
     run_alone([&] { tree_ = make_tree(mesh); });
   });
   return tree_;

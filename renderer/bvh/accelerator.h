@@ -13,11 +13,11 @@ namespace heliograph::bvh {
 
 using resident::Box;
 
-/// A tree over triangles.
+/// A tree over the primitives of a mesh.
 struct BvhTree {
-  std::vector<kernels::BvhNode> nodes;          // empty: the mesh is a shape
+  std::vector<kernels::BvhNode> nodes;          // empty: the mesh is a disc or a sphere
   std::vector<kernels::BvhTriangle> triangles;  // in the order of leaves; empty: see the next
-  std::vector<u32> triangle_numbers;  // the same of a mesh that deforms while the shutter is open
+  std::vector<u32> triangle_numbers;  // the same where they are not has_packed_triangles()
 };
 
 /// The tree over one mesh, for rays on the host. Of vertices that are an entity's own it is made

@@ -28,7 +28,8 @@ inline u32 meets_of(const TracedViews& views, u32 instance, const host::RayPacke
                     u32 lanes) {
   if (lanes == 0) return 0;
   const kernels::BvhInstance& item = views.bvh->items[views.bvh->item_of_instance[instance]];
-  if ((item.flags & kernels::kBvhShape) || !PacketWalk::go_together(rays, lanes)) {
+  const bool curves = views.scene->meshes[item.mesh].shape == kernels::Shape::kCurves;
+  if (curves || (item.flags & kernels::kBvhShape) || !PacketWalk::go_together(rays, lanes)) {
     u32 met = 0;
     for (; lanes; lanes &= lanes - 1) {
       const u32 i = u32(std::countr_zero(lanes));

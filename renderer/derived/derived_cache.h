@@ -25,7 +25,8 @@ enum class Derived : u64 {
   kMips,
   kGrid,
   kProfile,
-  kPortal
+  kPortal,
+  kStrands
 };
 
 /// What a piece of derived data is a pure function of.

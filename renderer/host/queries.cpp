@@ -79,10 +79,13 @@ Expected<std::vector<u32>> mesh_slots_of(const QueryScene& scene, const std::vec
   for (std::size_t i = 0; i < slots->size(); ++i) {
     const Placement& placement = scene.placement;
     const DeviceMesh& mesh = placement.mesh((*slots)[i]);
-    if (mesh.shape() != kernels::Shape::kTriangles)
+    if (mesh.shape() != kernels::Shape::kTriangles) {
+      const bool curves = mesh.shape() == kernels::Shape::kCurves;
       return fail(Code::kInvalidArgument, fmt::format("{}[{}]", where, i),
-                  fmt::format("'{}' is a light's disc or sphere; this query takes meshes",
-                              scene.snapshot.name_of(ids[i])));
+                  fmt::format("'{}' {}; this query takes meshes of triangles",
+                              scene.snapshot.name_of(ids[i]),
+                              curves ? "shows curves" : "is a light's disc or sphere"));
+    }
   }
   return slots;
 }

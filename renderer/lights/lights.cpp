@@ -172,6 +172,8 @@ std::vector<u32> Lighter::slots_that_may_emit() {
   parallel_ranges(may.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Slot& slot = structure.slots[i];
+      // What curves emit is found by rays that scatter alone.
+      if (placement_.mesh(i).shape() == kernels::Shape::kCurves) continue;
       const u32 parts = placement_.mesh(i).topology->part_count;
       const auto own = std::span(emits_part).subspan(slot.first_part, parts);
       may[i] = snapshot_.entities.at(slot.entity).light || std::ranges::count(own, 1) > 0;

@@ -6,7 +6,9 @@
 #include <cstring>
 #include <vector>
 
+#include "kernels/geometry/shape.h"
 #include "renderer/base/parallel.h"
+#include "renderer/scene/strands.h"
 
 namespace heliograph::resident {
 namespace {
@@ -43,11 +45,16 @@ u64 hash_words(std::span<const std::byte> bytes) {
   return hash_piece(std::as_bytes(std::span(pieces)));
 }
 
-std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {
-  return keys.span().first(std::min<std::size_t>(keys.size(), vertex_count));
+/// Of the structure over a mesh. Places on strands depend on where they were at rest.
+DerivedKey accelerator_key(const MeshTopology& topology, const VertexKeys& rest,
+                           const ArrayOf<vec3>& positions) {
+  return {Derived::kAccelerator,
+          {positions.serial(), topology.triangles.serial(), topology.vertex_count,
+           topology.curves.empty() ? 0 : rest.positions.serial()}};
 }
 
 kernels::Shape shape_of(const MeshTopology& topology) {
+  if (!topology.curves.empty()) return kernels::Shape::kCurves;
   switch (topology.shape) {
     case LightShape::kSphere:
       return kernels::Shape::kSphere;
@@ -61,12 +68,24 @@ kernels::Shape shape_of(const MeshTopology& topology) {
 }
 
 /// Bounds of the unit disc or sphere under a linear map.
-Box shape_bounds(kernels::Shape shape, const mat3& map) {
-  vec3 half2 = map[0] * map[0] + map[1] * map[1];
-  if (shape == kernels::Shape::kSphere) half2 += map[2] * map[2];
+Box shape_bounds(kernels::Shape shape, mat3 map) {
+  if (shape == kernels::Shape::kDisc) map[2] = vec3(0);
+  const vec3 half = sphere_reach(map);
+  return {-half, half};
+}
+
+/// Bounds of some triangles, or segments of strands, under a linear map.
+Box bounds_under(const DeviceMesh& mesh, std::span<const uvec3> primitives, const mat3& map) {
+  const vec3* rest = mesh.vertices->positions.data();
+  const ArrayOf<float>& radii = mesh.topology->radii;
+  const vec3 reach = sphere_reach(map);
   Box box;
-  box.upper = glm::sqrt(half2);
-  box.lower = -box.upper;
+  for (const uvec3 t : primitives)
+    for (const u32 v : {t.x, t.y, t.z}) {
+      const vec3 p = map * rest[v], half = radii.empty() ? vec3(0) : reach * radii[v];
+      box.extend(p - half);
+      box.extend(p + half);
+    }
   return box;
 }
 
@@ -78,11 +97,13 @@ kernels::MeshView DeviceMesh::view() const {
   view.positions = positions.data();
   view.normals = normals.data();
   view.rest_positions = vertices->positions.data();
-  view.uvs = topology->uvs.data();
+  view.uvs_around = strands && topology->uvs.empty();
+  view.uvs = view.uvs_around ? strands->uvs.data() : topology->uvs.data();
   view.uvs1 = topology->uvs1.data();
   view.colors = topology->colors.data();
   view.tangents = topology->tangents.data();
   view.parts = topology->parts.data();
+  if (strands) view.strand_points = strands->points.data();
   view.triangle_count = u32(topology->triangles.size());
   view.vertex_count = topology->vertex_count;
   view.part_count = topology->part_count;
@@ -97,8 +118,8 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::finish(std::shared_ptr<Device
                                                           const Interrupt& interrupt) const {
   const ArrayOf<uvec3>& triangles = mesh->topology->triangles;
   const ArrayOf<vec3>& positions = mesh->positions;
-  const DerivedKey key{Derived::kAccelerator,
-                       {positions.serial(), triangles.serial(), mesh->topology->vertex_count}};
+  mesh->strands = strands_of(*mesh->topology, *mesh->vertices, cache_);
+  const DerivedKey key = accelerator_key(*mesh->topology, *mesh->vertices, positions);
   auto made = cache_.try_get<MeshAccelerator>(key, {positions.buffer(), triangles.buffer()},
                                               [&] { return accelerator_.build(*mesh, interrupt); });
   if (!made) return std::unexpected(std::move(made).error());
@@ -144,16 +165,13 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
 }
 
 DerivedKey MeshBuilder::key_of(const Mesh& mesh) {
-  return {Derived::kAccelerator,
-          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
-           mesh.topology->vertex_count}};
+  return accelerator_key(*mesh.topology, *mesh.vertices, mesh.vertices->positions);
 }
 
 bool MeshBuilder::ready(const Mesh& mesh) const { return cache_.contains(key_of(mesh)); }
 
 Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
-  if (mesh.shape() != kernels::Shape::kTriangles) return shape_bounds(mesh.shape(), map);
-  const auto rest = first_key(mesh.vertices->positions, mesh.topology->vertex_count);
+  if (kernels::is_whole(mesh.shape())) return shape_bounds(mesh.shape(), map);
   const DerivedKey key{Derived::kBounds,
                        {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
                         map == mat3(1) ? 0 : hash_words(std::as_bytes(std::span(&map, 1)))}};
@@ -165,10 +183,7 @@ Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
     parallel_for(boxes.size(), [&](std::size_t i) {
       const auto piece =
           triangles.subspan(i * kPiece, std::min(kPiece, triangles.size() - i * kPiece));
-      Box box;
-      for (const uvec3 t : piece)
-        for (const u32 v : {t.x, t.y, t.z}) box.extend(map * rest[v]);
-      boxes[i] = box;
+      boxes[i] = bounds_under(mesh, piece, map);
     });
     auto all = std::make_shared<Box>();
     for (const Box& box : boxes) all->extend(box);

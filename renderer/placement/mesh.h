@@ -7,6 +7,7 @@
 #include "kernels/scene/scene_view.h"
 #include "renderer/base/error.h"
 #include "renderer/derived/derived_cache.h"
+#include "renderer/derived/strands.h"
 #include "renderer/device/accelerator.h"
 #include "renderer/frame/motion_keys.h"
 #include "renderer/scene/components.h"
@@ -19,10 +20,11 @@ struct DeviceMesh {
   std::shared_ptr<const VertexKeys> vertices;
   ArrayOf<vec3> positions;  // (segments + 1) * vertex_count, over the scene's span of time
   ArrayOf<vec3> normals;    // or empty
-  u32 segments = 0;         // 0: it does not deform
-  bool reshaped = false;    // Mesh::reshaped
+  std::shared_ptr<const Strands> strands;  // of curves, else null
+  u32 segments = 0;                        // 0: it does not deform
+  bool reshaped = false;                   // Mesh::reshaped
   std::shared_ptr<const MeshAccelerator> accelerator;
-  Box rest;  // of the first key's triangles
+  Box rest;  // of the first key's triangles or segments
   /// Positions at the middle of the span.
   [[nodiscard]] const vec3* middle() const {
     return positions.data() + u64(segments / 2) * topology->vertex_count;
@@ -52,7 +54,7 @@ class MeshBuilder {
   [[nodiscard]] static DerivedKey key_of(const Mesh& mesh);
   /// Whether build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
-  /// Bounds of the rest vertices of the triangles under a linear map.
+  /// Bounds of the triangles or segments at rest under a linear map.
   [[nodiscard]] Box rest_bounds(const DeviceMesh& mesh, const mat3& map) const;
 
  private:

@@ -26,8 +26,10 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   for (const auto& mesh : placement->meshes) meshes_.push_back(mesh->view());
   view_ = surfaces->all;
   view_.any_holes = surfaces->holes != nullptr;
+  view_.any_curves = std::ranges::any_of(
+      meshes_, [](const auto& mesh) { return mesh.shape == kernels::Shape::kCurves; });
   view_.plain_rays =
-      !view_.any_holes && placement->moving.empty() &&
+      !view_.any_holes && !view_.any_curves && placement->moving.empty() &&
       std::ranges::all_of(meshes_, [](const auto& mesh) { return mesh.segments == 0; });
   view_.meshes = meshes_.data();
   view_.materials = materials->materials.data();

@@ -103,7 +103,7 @@ enum class LightShape : u8 { kMesh, kSphere, kDisc, kRectangle };
 /// What does not change when vertices move. Arrays are per vertex unless they say otherwise.
 struct MeshTopology {
   u32 vertex_count = 0;
-  ArrayOf<uvec3> triangles;  // vertex indices, checked
+  ArrayOf<uvec3> triangles;  // vertex indices, checked; of curves as kernels::MeshView has them
   ArrayOf<vec2> uvs;         // empty, or vertex_count
   ArrayOf<vec2> uvs1;
   ArrayOf<vec4> colors;
@@ -120,6 +120,9 @@ struct MeshTopology {
   ArrayOf<uvec2> skeleton;
   std::vector<Symmetry> symmetries;
   LightShape shape = LightShape::kMesh;  // that its triangles stand for (light_shapes.h)
+  // Of curves (strands.h); empty: triangles.
+  ArrayOf<u32> curves;   // points of each strand; they follow each other
+  ArrayOf<float> radii;  // metres, of the spheres about the points
 };
 
 /// Positions and normals at one or more times, in mesh coordinates.

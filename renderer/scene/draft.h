@@ -105,6 +105,8 @@ void store(Draft& draft, EntityId id, const Entity& row);
 void set_pose(Draft& draft, EntityId id, const mat4x3& pose);
 /// Fails unless a skin and morph weights fit the mesh. `where` is relative to an Entity.
 [[nodiscard]] Status check_deformation(const Entity& entity, const MeshTopology& topology);
+/// Whether an entity's light can leave from its mesh. INVALID_ARGUMENT otherwise.
+[[nodiscard]] Status check_light(const Entity& entity, const MeshTopology& topology);
 /// A texture use whose texture is resolved.
 [[nodiscard]] Status bind(const Scope& scope, const TextureUsePatch& patch, std::string_view field,
                           TextureUse& out);

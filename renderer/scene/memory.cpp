@@ -16,7 +16,8 @@ void for_each_array(const Mesh& mesh, F&& f) {
        {t.triangles.buffer(), t.uvs.buffer(), t.uvs1.buffer(), t.colors.buffer(),
         t.tangents.buffer(), t.parts.buffer(), t.joints.buffer(), t.weights.buffer(),
         t.morph_positions.buffer(), t.morph_normals.buffer(), t.skeleton.buffer(),
-        mesh.vertices->positions.buffer(), mesh.vertices->normals.buffer()})
+        t.curves.buffer(), t.radii.buffer(), mesh.vertices->positions.buffer(),
+        mesh.vertices->normals.buffer()})
     if (buffer) f(*buffer);
 }
 template <class F>

@@ -142,8 +142,11 @@ Status check(const Snapshot& scene, const PutEntity& patch, const Entity& entity
   if (has_light_shape(entity) && entity.materials)
     return fail(Code::kInvalidArgument, patch.materials ? "materials" : "light.shape",
                 "a light's shape has no materials; use a mesh that emits, or clear them");
-  if (!entity.mesh || !(patch.mesh || patch.skin || patch.morph_weights)) return {};
-  return check_deformation(entity, *scene.find(entity.mesh)->value->topology);
+  if (!entity.mesh) return {};
+  const MeshTopology& topology = *scene.find(entity.mesh)->value->topology;
+  if (patch.mesh || patch.light) HELIO_TRY(check_light(entity, topology));
+  if (!(patch.mesh || patch.skin || patch.morph_weights)) return {};
+  return check_deformation(entity, topology);
 }
 
 void label(Draft& draft, const PutEntity& patch, Entity& entity) {
@@ -181,6 +184,14 @@ Status bind(const Scope& scope, const TextureUsePatch& patch, std::string_view f
   if (auto status = scope.bind(patch.texture, "texture", out.texture); !status)
     return std::unexpected(std::move(status).error().at(std::string(field)));
   return {};
+}
+
+Status check_light(const Entity& entity, const MeshTopology& topology) {
+  const Light* light = entity.light.get();
+  if (topology.curves.empty() || !light || light->sun_angle > 0) return {};
+  return fail(Code::kInvalidArgument, "light",
+              "curves give off no light of an entity; give their material emission, or use a mesh "
+              "of triangles");
 }
 
 Status check_deformation(const Entity& entity, const MeshTopology& topology) {

@@ -39,18 +39,23 @@ Status check_vertices(const MeshTopology& topology, const VertexKeys& vertices) 
     return fail(Code::kInvalidArgument, "positions",
                 fmt::format("{} positions; the topology has {} vertices at {} times",
                             vertices.positions.size(), topology.vertex_count, keys));
+  if (!vertices.normals.empty() && !topology.curves.empty())
+    return fail(Code::kInvalidArgument, "normals",
+                "is of triangles, curves have their own; leave it out");
   if (!vertices.normals.empty() && vertices.normals.size() != needed)
     return fail(Code::kInvalidArgument, "normals",
                 fmt::format("{} normals for {} positions", vertices.normals.size(), needed));
   return {};
 }
 
-/// A new topology has to fit the skins and morph weights of every entity that shows the mesh.
+/// A new topology has to fit the lights, skins and morph weights of every entity that shows the
+/// mesh.
 Status check_users(const Snapshot& scene, MeshId mesh, const MeshTopology& topology) {
   Status status;
   scene.entities.for_each([&](u32 index, const Entity& entity) {
-    if (!status || entity.mesh != mesh || !(entity.skin || entity.morph_weights)) return;
-    auto fits = check_deformation(entity, topology);
+    if (!status || entity.mesh != mesh) return;
+    auto fits = check_light(entity, topology);
+    if (fits && (entity.skin || entity.morph_weights)) fits = check_deformation(entity, topology);
     if (fits) return;
     Error error = std::move(fits).error();
     error.where = "";
@@ -75,7 +80,9 @@ Expected<Id> put(Draft& draft, const Scope&, const Target& target, const PutMesh
   if (patch.topology) mesh.topology = patch.topology;
   if (patch.vertices) mesh.vertices = patch.vertices;
   mesh.reshaped = !patch.topology && (mesh.reshaped || patch.vertices);
-  if (!mesh.topology) return fail(Code::kInvalidArgument, "indices", "a new mesh needs triangles");
+  if (!mesh.topology)
+    return fail(Code::kInvalidArgument, "indices",
+                "a new mesh needs triangles, or curves and radii");
   if (!mesh.vertices)
     return fail(Code::kInvalidArgument, "positions", "a new mesh needs positions");
   if (mesh.vertices->times.empty())

@@ -10,11 +10,29 @@ namespace {
 
 constexpr u64 kLargestCount = 0xfffffffeu;  // vertices: 2^32 - 2
 
+/// Whether a message says what rays meet: triangles or curves.
+bool has_primitives(const v1::Mesh& m) { return m.has_indices() || m.has_curves(); }
+
 bool has_topology(const v1::Mesh& m) {
-  return m.has_indices() || m.has_uvs() || m.has_uvs1() || m.has_colors() || m.has_tangents() ||
-         m.has_parts() || m.part_names_size() > 0 || m.has_joints() || m.has_weights() ||
-         m.has_morph_positions() || m.has_morph_normals() || m.keypoints_size() > 0 ||
-         m.has_skeleton() || m.symmetries_size() > 0;
+  return has_primitives(m) || m.has_radii() || m.has_uvs() || m.has_uvs1() || m.has_colors() ||
+         m.has_tangents() || m.has_parts() || m.part_names_size() > 0 || m.has_joints() ||
+         m.has_weights() || m.has_morph_positions() || m.has_morph_normals() ||
+         m.keypoints_size() > 0 || m.has_skeleton() || m.symmetries_size() > 0;
+}
+
+/// Checks that a mesh of curves has what they need, and nothing that triangles alone have.
+Status check_curves(const v1::Mesh& m) {
+  if (!m.has_radii())
+    return fail(Code::kInvalidArgument, "radii", "is missing; curves need a radius for each point");
+  const std::pair<bool, const char*> of_triangles[] = {{m.has_indices(), "indices"},
+                                                       {m.has_normals(), "normals"},
+                                                       {m.has_tangents(), "tangents"},
+                                                       {m.has_morph_normals(), "morph_normals"}};
+  for (const auto& [has, field] : of_triangles)
+    if (has)
+      return fail(Code::kInvalidArgument, field,
+                  "is of triangles, curves have their own; leave it out, or use two meshes");
+  return {};
 }
 
 /// Checks that fields that belong together are sent together: topology with vertices, normals and
@@ -24,13 +42,16 @@ Status check_complete(const v1::Mesh& message) {
     return fail(Code::kInvalidArgument, "clear[0]",
                 "a mesh has no field that can be cleared; send its topology or its vertices again "
                 "without it");
-  if (has_topology(message) && !message.has_indices())
-    return fail(Code::kInvalidArgument, "indices",
-                "is missing; a topology is replaced whole: send indices and positions with it");
+  if (has_topology(message) && !has_primitives(message))
+    return fail(Code::kInvalidArgument, message.has_radii() ? "curves" : "indices",
+                "is missing; a topology is replaced whole: send indices, or curves and radii, and "
+                "positions with it");
+  if (message.has_curves()) HELIO_TRY(check_curves(message));
   if (message.has_positions()) return {};
-  if (message.has_indices() || message.has_normals() || message.has_times())
+  if (has_primitives(message) || message.has_normals() || message.has_times())
     return fail(Code::kInvalidArgument, "positions",
-                "is missing; indices, normals and times are sent together with the positions");
+                "is missing; indices, curves, normals and times are sent together with the "
+                "positions");
   return {};
 }
 
@@ -83,7 +104,7 @@ Expected<PutMesh> to_mesh(const v1::Mesh& message, ArraySource& source) {
   auto vertices = to_vertices(message, *count, source);
   if (!vertices) return std::unexpected(std::move(vertices).error());
   patch.vertices = std::make_shared<const VertexKeys>(std::move(*vertices));
-  if (!message.has_indices()) return patch;
+  if (!has_primitives(message)) return patch;
   auto topology = to_topology(message, *count, source);
   if (!topology) return std::unexpected(std::move(topology).error());
   patch.topology = std::make_shared<const MeshTopology>(std::move(*topology));

@@ -1,8 +1,10 @@
-// The constant parts of a mesh: triangles, attributes, parts, skin, morph targets, metadata.
+// The constant parts of a mesh: triangles or curves, attributes, parts, skin, morph targets,
+// metadata.
 #include <fmt/format.h>
 
 #include <set>
 
+#include "renderer/scene/strands.h"
 #include "server/convert/array.h"
 #include "server/convert/fields.h"
 #include "server/convert/nouns.h"
@@ -12,6 +14,8 @@ namespace {
 
 constexpr double kWeightTolerance = 1e-3;
 constexpr u64 kLargestCount = 0xfffffffeu;  // triangles: 2^32 - 2
+// Metres. The squares of what is computed with them fit a float.
+constexpr float kLeastRadius = 1e-12f, kLargestRadius = 1e12f;
 
 Expected<ArrayOf<uvec3>> read_triangles(const v1::Array& array, u32 vertices, ArraySource& source) {
   if (array.shape_size() > 0 && (array.shape(0) < 1 || array.shape(0) > kLargestCount))
@@ -23,6 +27,49 @@ Expected<ArrayOf<uvec3>> read_triangles(const v1::Array& array, u32 vertices, Ar
   const std::span numbers(reinterpret_cast<const u32*>(triangles->data()), triangles->size() * 3);
   HELIO_TRY(check_below(numbers, vertices, 3, "vertices"));
   return triangles;
+}
+
+/// Strands of 2 points and more, which have all of the points.
+Status check_strands(std::span<const u32> curves, u64 points) {
+  u64 sum = 0;
+  for (std::size_t i = 0; i < curves.size(); ++i) {
+    if (curves[i] < 2)
+      return fail(Code::kInvalidArgument, indexed("", i),
+                  fmt::format("is {}; a strand has 2 points or more", curves[i]));
+    sum += curves[i];
+  }
+  if (sum == points) return {};
+  return fail(Code::kInvalidArgument, "",
+              fmt::format("sums to {} points; positions has {}", sum, points));
+}
+
+Status check_radii(std::span<const float> radii) {
+  for (std::size_t i = 0; i < radii.size(); ++i)
+    if (!(radii[i] >= kLeastRadius && radii[i] <= kLargestRadius))
+      return fail(Code::kInvalidArgument, indexed("", i),
+                  fmt::format("is {}; radii are from {} to {} metres", radii[i], kLeastRadius,
+                              kLargestRadius));
+  return {};
+}
+
+Status read_strands(const v1::Mesh& message, ArraySource& source, MeshTopology& topology) {
+  if (message.curves().shape_size() > 0 && message.curves().shape(0) == 0)
+    return fail(Code::kInvalidArgument, "curves.shape",
+                "is (0); send the points of 1 strand or more");
+  HELIO_TAKE(topology.curves,
+             read_integers<u32>(message.curves(), source, {{"S", {}}}, v1::D_TYPE_U32), "curves");
+  HELIO_CHECK(check_strands(topology.curves.span(), topology.vertex_count), "curves");
+  HELIO_TAKE(topology.radii,
+             read_floats<float>(message.radii(), source, {{"V", topology.vertex_count}}), "radii");
+  HELIO_CHECK(check_radii(topology.radii.span()), "radii");
+  topology.triangles = ArrayOf(segments_of(topology.curves.span()));
+  return {};
+}
+
+void add_strands(const MeshTopology& topology, const ArraySink& sink, v1::Mesh& message) {
+  const std::vector<u64> strands{topology.curves.size()}, points{topology.vertex_count};
+  *message.mutable_curves() = to_array(topology.curves.buffer(), v1::D_TYPE_U32, strands, sink);
+  *message.mutable_radii() = to_array(topology.radii.buffer(), v1::D_TYPE_F32, points, sink);
 }
 
 template <class T>
@@ -175,11 +222,14 @@ v1::Symmetry symmetry_to_proto(const Symmetry& symmetry, const ArraySink& sink) 
 
 Expected<MeshTopology> to_topology(const v1::Mesh& message, u32 vertex_count, ArraySource& source) {
   MeshTopology topology{.vertex_count = vertex_count};
-  HELIO_TAKE(topology.triangles, read_triangles(message.indices(), vertex_count, source),
-             "indices");
   const Dim vertices{"V", vertex_count};
   if (message.has_uvs())
     HELIO_TAKE(topology.uvs, read_floats<vec2>(message.uvs(), source, {vertices, kTwo}), "uvs");
+  if (message.has_curves())
+    HELIO_TRY(read_strands(message, source, topology));
+  else
+    HELIO_TAKE(topology.triangles, read_triangles(message.indices(), vertex_count, source),
+               "indices");
   if (message.has_uvs1())
     HELIO_TAKE(topology.uvs1, read_floats<vec2>(message.uvs1(), source, {vertices, kTwo}), "uvs1");
   if (message.has_colors())
@@ -203,7 +253,10 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
     return to_array(array.buffer(), type, shape, sink);
   };
   const auto f32 = v1::D_TYPE_F32;
-  *message.mutable_indices() = add(topology.triangles, v1::D_TYPE_U32, {triangles, 3});
+  if (topology.curves.empty())
+    *message.mutable_indices() = add(topology.triangles, v1::D_TYPE_U32, {triangles, 3});
+  else
+    add_strands(topology, sink, message);
   if (!topology.uvs.empty()) *message.mutable_uvs() = add(topology.uvs, f32, {vertices, 2});
   if (!topology.uvs1.empty()) *message.mutable_uvs1() = add(topology.uvs1, f32, {vertices, 2});
   if (!topology.colors.empty())

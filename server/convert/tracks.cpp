@@ -1,4 +1,4 @@
-// Checks a TracksRequest: every point lies on a triangle of its entity's mesh.
+// Checks a TracksRequest: every point lies on a triangle or segment of its entity's mesh.
 #include "server/convert/tracks.h"
 
 #include <fmt/format.h>
@@ -76,6 +76,11 @@ Status place_on_vertices(const Reader& in, std::vector<TrackPoint>& points,
   for (u64 i = 0; i < points.size(); ++i) {
     const auto topology = topology_of(in.snapshot, points[i].entity);
     if (!topology) return std::unexpected(topology.error());
+    if (!(*topology)->curves.empty())
+      return fail(Code::kInvalidArgument, "vertices",
+                  fmt::format("{} shows curves, whose points lie within; give primitive and "
+                              "barycentric, as a query or a plane has them",
+                              object_text(points[i].entity, in.snapshot)));
     auto& places = known[*topology];
     if (places.empty()) places = vertex_places(**topology);
     if (vertices[i] >= places.size())
@@ -91,6 +96,15 @@ Status place_on_vertices(const Reader& in, std::vector<TrackPoint>& points,
   return {};
 }
 
+/// The share of the way along a segment, beyond it over the spheres at its ends, and turns around.
+Status check_strand_place(vec2 place) {
+  if (place.x >= -1 && place.x <= 2 && place.y >= 0 && place.y <= 1) return {};
+  return fail(Code::kInvalidArgument, "",
+              fmt::format("({}, {}) is no place of a curve's segment; give its share of the way in "
+                          "[-1, 2] and turns around it in [0, 1]",
+                          place.x, place.y));
+}
+
 Status place_on_triangles(const Reader& in, std::vector<TrackPoint>& points,
                           std::span<const u32> primitives, std::span<const vec2> weights) {
   for (u64 i = 0; i < points.size(); ++i) {
@@ -98,9 +112,15 @@ Status place_on_triangles(const Reader& in, std::vector<TrackPoint>& points,
     if (!topology) return std::unexpected(topology.error());
     if (primitives[i] >= (*topology)->triangles.size())
       return fail(Code::kInvalidArgument, indexed("primitive", i),
-                  fmt::format("is {}; the mesh has {} triangles", primitives[i],
+                  fmt::format("is {}; the mesh has {} primitives", primitives[i],
                               (*topology)->triangles.size()));
     const vec2 w = weights[i];
+    if (!(*topology)->curves.empty()) {
+      HELIO_CHECK(check_strand_place(w), indexed("barycentric", i));
+      points[i].primitive = primitives[i];
+      points[i].barycentric = w;
+      continue;
+    }
     if (w.x < -kRounding || w.y < -kRounding || w.x + w.y > 1 + kRounding)
       return fail(Code::kInvalidArgument, indexed("barycentric", i),
                   fmt::format("({}, {}) lies outside the triangle; give weights of its vertices 1 "

@@ -95,8 +95,47 @@ def rays(edit, size=SIZE):
     return options
 
 
-SCENES = {**scenes.SCENES, "fog": fog, "motion": motion, "statics": statics, "parts": parts}
-SCENES |= {"rays": rays}
+def curves(edit):
+    """Grass, of which some moves and some deforms, cut-out and glass cables, glowing wires."""
+    options = motion(edit)
+    rng = np.random.default_rng(6)
+    blades = rng.uniform(-0.4, 0.4, (600, 1, 3)) * (1, 1, 0) + np.cumsum(
+        rng.normal((0, 0, 0.12), 0.03, (600, 5, 3)), 1
+    )
+    given = {"curves": [5] * 600, "radii": np.tile(np.linspace(0.008, 0.002, 5), 600)}
+    still = blades.reshape(-1, 3)
+    bent = still + 0.3 * still[:, 2:] ** 2 * (1, 0, 0)
+    edit.mesh("grass", positions=still, **given)
+    edit.mesh("bent", positions=np.stack([still, bent]), times=[0, 1], **given)
+    edit.material("leaf", base_color=(0.2, 0.5, 0.1), roughness=0.4, anisotropic=0.7)
+    for i, mesh in enumerate(("grass", "bent", "grass", "bent")):
+        place = hg.Pose((0.8 * i - 1.2, -1.6, 0))
+        edit.entity(f"grass{i}", mesh=mesh, material="leaf", keys={0: place, 1: place})
+    edit.entity("grass2", keys={0: hg.Pose((0.4, -1.6, 0)), 1: hg.Pose((0.6, -1.6, 0.1))})
+    turns = np.linspace(0, 12, 60)
+    coil = np.stack([0.2 * np.cos(turns), 0.2 * np.sin(turns), 0.05 * turns], -1)
+    edit.mesh("coil", **hg.smooth_curves(coil, [60], 0.04))
+    holes = np.zeros((8, 32, 4), "u1")
+    holes[::2, ::2] = 255
+    edit.texture("holes", holes)
+    edit.material("net", base_color=0.7, alpha=hg.Tex("holes", channel=3), alpha_mode="mask")
+    edit.material("glass", transmission=1, roughness=0)
+    edit.material("wire", base_color=0, emission=(1, 0.6, 0.3), emission_strength=4)
+    for i, look in enumerate(("net", "glass", "wire")):
+        place = hg.Pose((1.3 * i - 1.3, -2.3, 0.05), scale=(1, 0.7, 0.8))
+        edit.entity(f"coil{i}", mesh="coil", material=look, transform=place)
+    return options
+
+
+SCENES = {
+    **scenes.SCENES,
+    "fog": fog,
+    "motion": motion,
+    "statics": statics,
+    "parts": parts,
+    "curves": curves,
+    "rays": rays,
+}
 
 
 def render(client, build, planes, spp, size=SIZE, **more):

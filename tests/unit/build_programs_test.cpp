@@ -103,7 +103,7 @@ struct Soup {
 };
 
 LoopBuild steps_over(const kernels::MeshView& mesh, std::vector<BvhBox>& boxes) {
-  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::primitive_box(mesh, i));
   return {boxes, 0.3f, LoopOrder::kForwards};
 }
 
@@ -370,7 +370,7 @@ TEST_CASE("build programs: a mesh's tree is refitted where it bends a little, or
         if (const auto now = kernels::bvh_triangle(soup.view, order[i]); now.a == now.a)
           REQUIRE((made.triangles[i].a == now.a && made.triangles[i].c == now.c));
     for (u32 i = 0; i < soup.view.triangle_count; i += 13) {
-      const BvhBox box = kernels::triangle_box(soup.view, i);
+      const BvhBox box = kernels::primitive_box(soup.view, i);
       if (box.empty()) continue;
       const vec3 origin(20, 17, 23);
       const auto met =

@@ -45,7 +45,8 @@ std::vector<const bvh::RayFunctions*> levels() {
 
 TEST_CASE("bvh packets: eight rays at once meet what each meets alone") {
   Random random(6);
-  const BothScenes scenes(random_scene(random, {.count = 30, .holes = false}), {0, 1});
+  const BothScenes scenes(random_scene(random, {.count = 30, .holes = false, .curves = true}),
+                          {0, 1});
   for (const bvh::RayFunctions* level : levels()) {
     const bvh::BvhHostTracer tracer(scenes.own(), *level);
     constexpr u32 kPackets = 50'000;
@@ -67,7 +68,8 @@ TEST_CASE("bvh packets: eight rays at once meet what each meets alone") {
 
 TEST_CASE("bvh rays: the same bits for every instruction set") {
   Random random(7);
-  const BothScenes scenes(random_scene(random, {.count = 30, .fixed = true}), {0, 1}, 1'000'000);
+  const BothScenes scenes(random_scene(random, {.count = 30, .fixed = true, .curves = true}),
+                          {0, 1}, 1'000'000);
   REQUIRE(scenes.bvh_view().fixed.nodes);
   const kernels::BvhTracerFor<kernels::Answers::kLabels> kernel(scenes.view(), scenes.bvh_view());
   for (const bvh::RayFunctions* level : levels()) {

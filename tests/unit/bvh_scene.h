@@ -7,6 +7,7 @@
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/host/ray_packet.h"
+#include "renderer/scene/strands.h"
 #include "tests/unit/random.h"
 #include "tests/unit/render_scene.h"
 
@@ -64,12 +65,57 @@ inline Shape soup(Random& random, u32 triangles, float reach, float size) {
   return shape;
 }
 
+/// Strands about the origin, some of whose segments hold others, with one morph target.
+inline PutMesh morphing_strands(Random& random, u32 strands, float reach) {
+  auto topology = std::make_shared<MeshTopology>();
+  std::vector<vec3> positions;
+  std::vector<float> radii;
+  std::vector<u32> curves;
+  for (u32 i = 0; i < strands; ++i) {
+    curves.push_back(2 + random_below(random, 6));
+    vec3 at = random_vec3(random, reach);
+    for (u32 k = 0; k < curves.back(); ++k) {
+      positions.push_back(at);
+      radii.push_back(0.01f + 0.2f * random.next() * random.next());
+      at += random_vec3(random, 0.5f * reach);
+    }
+  }
+  topology->vertex_count = u32(positions.size());
+  topology->curves = ArrayOf(std::move(curves));
+  topology->morph_count = 1;
+  std::vector<vec3> moves(topology->vertex_count);
+  for (vec3& move : moves) move = random_vec3(random, 0.3f);
+  topology->morph_positions = ArrayOf(std::move(moves));
+  topology->triangles = ArrayOf(segments_of(topology->curves.span()));
+  topology->radii = ArrayOf(std::move(radii));
+  auto vertices = std::make_shared<VertexKeys>();
+  vertices->times = {0};
+  vertices->positions = ArrayOf(std::move(positions));
+  return {topology, vertices};
+}
+
 /// Which kinds of entities a scene has; `count` of each.
 struct SceneKinds {
   u32 count = 40;
   bool moving = true, deforming = true, shapes = true, holes = true, masks = true;
   bool fixed = false;  // what stands still is static, but for every third
+  bool curves = false;
 };
+
+/// Strands that stand still, that move, and that deform, as the kinds say.
+inline void add_strands(Edits& edits, Random& random, const SceneKinds& kinds, u32 i) {
+  const mat4x3 pose = random_pose(random, 8, 0.8f);
+  const std::string name = fmt::format("strands {}", i);
+  edits.object(name, "strands", pose, kinds.holes && i % 5 == 0 ? "paper" : "");
+  PutEntity changes;
+  if (kinds.deforming && i % 2) changes.morph_weights = MorphWeights{{0, 1}, {0, 1}};
+  if (kinds.moving && i % 3) {
+    mat4x3 next = pose;
+    next[3] += random_vec3(random, 1);
+    changes.pose = PosePatch{{0, 1}, {pose, next}};
+  }
+  edits.put(name, changes);
+}
 
 /// Random entities within about 10 m of the origin, which move during the first second.
 inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneKinds& kinds) {
@@ -81,6 +127,7 @@ inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneK
   paper.parameters[std::size_t(MaterialParameter::alpha)].value = vec3(0.4f);
   paper.alpha_mode = AlphaMode::kBlend;
   edits.put("paper", paper);
+  if (kinds.curves) edits.put("strands", morphing_strands(random, 12, 1));
   const auto pose = [&] { return random_pose(random, 8, 0.8f); };
   PutEntity fixed;
   fixed.is_static = true;
@@ -113,6 +160,7 @@ inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneK
       deforms.morph_weights = MorphWeights{{0, 1}, {0, 0.2f + random.next()}};
       edits.object(name("flesh"), "flesh", pose()).put(name("flesh"), deforms);
     }
+    if (kinds.curves) add_strands(edits, random, kinds, i);
     if (kinds.shapes) {
       Light light;
       light.shape = i % 2 ? LightShape::kSphere : LightShape::kDisc;

@@ -74,12 +74,14 @@ struct BuiltTop {
 struct BuiltMesh {
   explicit BuiltMesh(const kernels::MeshView& mesh) {
     std::vector<BvhBox> boxes;
-    for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+    for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::primitive_box(mesh, i));
     const LoopBuild made(boxes, 0.3f, {});
     nodes = made.nodes();
     numbers = made.items();
-    for (const u32 i : numbers) triangles.push_back(kernels::bvh_triangle(mesh, i));
-    view = {nodes.data(), mesh.segments > 0 ? nullptr : triangles.data(), numbers.data()};
+    const bool packed = kernels::has_packed_triangles(mesh);
+    for (const u32 i : numbers)
+      if (packed) triangles.push_back(kernels::bvh_triangle(mesh, i));
+    view = {nodes.data(), packed ? triangles.data() : nullptr, numbers.data()};
   }
   std::vector<kernels::BvhNode> nodes;
   std::vector<kernels::BvhTriangle> triangles;
@@ -206,6 +208,7 @@ TEST_CASE("bvh steps: rays meet what they meet with the host's tree") {
     span = {};
   }
   SECTION("of what moves") { kinds = {.count = 200, .shapes = false, .masks = false}; }
+  SECTION("of curves") { kinds = {.count = 50, .curves = true}; }
   const BothScenes scenes(random_scene(random, kinds), span);
   std::vector<BvhBox> mesh_boxes;
   for (const auto& mesh : scenes.own().placement().meshes) {
@@ -234,7 +237,8 @@ TEST_CASE("bvh steps: rays meet what they meet with the host's tree") {
 TEST_CASE("bvh steps: rays meet what they meet with the host's trees of meshes") {
   Random random(6);
   for (const TimeSpan span : {TimeSpan{0, 1}, TimeSpan{0.7, 0.7}}) {
-    const BothScenes scenes(random_scene(random, {.count = 30, .shapes = false}), span);
+    const BothScenes scenes(random_scene(random, {.count = 30, .shapes = false, .curves = true}),
+                            span);
     const kernels::SceneView& scene = scenes.view();
     std::vector<BuiltMesh> built;
     for (const auto& mesh : scenes.own().placement().meshes) built.emplace_back(mesh->view());

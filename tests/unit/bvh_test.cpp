@@ -109,6 +109,11 @@ TEST_CASE("bvh: meets what Embree meets") {
   SECTION("of what moves and deforms alone") {
     kinds = {.count = 60, .shapes = false, .holes = false, .masks = false};
   }
+  SECTION("of curves among all kinds") { kinds = {.count = 40, .fixed = true, .curves = true}; }
+  SECTION("of curves at an instant") {
+    kinds = {.count = 60, .moving = false, .deforming = false, .holes = false, .curves = true};
+    span = {};
+  }
   const BothScenes scenes(random_scene(random, kinds), span, kinds.fixed ? 1'000'000 : 0);
   CHECK((scenes.bvh_view().fixed.nodes != nullptr) == kinds.fixed);
   const auto& ours = scenes.own().placement().bounds;
@@ -118,7 +123,8 @@ TEST_CASE("bvh: meets what Embree meets") {
   CHECK(glm::length(ours.lower - theirs.lower) + glm::length(ours.upper - theirs.upper) <
         rounding * glm::length(theirs.upper - theirs.lower));
   compare(scenes, random);
-  CHECK(scenes.view().plain_rays == !(kinds.moving || kinds.deforming || kinds.holes));
+  CHECK(scenes.view().plain_rays ==
+        !(kinds.moving || kinds.deforming || kinds.holes || kinds.curves));
 }
 
 TEST_CASE("bvh: plain rays meet what they do in the program for all") {

@@ -140,7 +140,7 @@ std::shared_ptr<const Snapshot> scene_with_camera(double rolling) {
                          .cy = 119.5,
                          .shutter = {.rolling = rolling}};
   edits.put("camera", camera);
-  return edits.apply(*random_scene(random, {.count = 20}));
+  return edits.apply(*random_scene(random, {.count = 20, .curves = true}));
 }
 
 std::vector<Column> labels_of(Side& side, const RenderJob& job, const TimeSpan& span) {
@@ -226,6 +226,10 @@ TEST_CASE("host answers: questions over the BVH are answered as over Embree") {
     Tracks tracks{.camera = camera, .times = {0, 0.3, 0.9}};
     for (const EntityId moving : some_entities(*job.snapshot, "moving", 20))
       for (u32 i = 0; i < 100; ++i) tracks.points.push_back({moving, i % 2, random.next2() * 0.5f});
+    // A place of a strand's segment lies on it as a triangle's does.
+    for (const EntityId strands : some_entities(*job.snapshot, "strands", 20))
+      for (u32 i = 0; i < 20; ++i)
+        tracks.points.push_back({strands, i, vec2(3 * random.next() - 1, random.next())});
     job.query = tracks;
     check();
   }

@@ -16,6 +16,7 @@ struct TestMesh {
   std::vector<uvec3> triangles;
   std::vector<u32> parts;
   Shape shape = Shape::kTriangles;
+  std::vector<vec4> strand_points;  // of curves
 };
 
 /// A unit disc or sphere.
@@ -25,6 +26,18 @@ inline TestMesh unit_shape(Shape shape) {
   m.positions = {{1, -1, 0}, {-1, -1, 0}, {1, 1, 0}};
   m.uvs = {{0, 0}, {1, 0}, {0, 1}};
   m.triangles = {{0, 1, 2}};
+  return m;
+}
+
+/// A strand through points, each with its radius in w.
+inline TestMesh strand(const std::vector<vec4>& points) {
+  TestMesh m;
+  m.shape = Shape::kCurves;
+  for (u32 i = 0; i < points.size(); ++i) {
+    m.positions.emplace_back(points[i]);
+    m.strand_points.emplace_back(1, 0.5f, 0.25f, points[i].w);
+    if (i > 0) m.triangles.emplace_back(i - 1, i, i - 1);
+  }
   return m;
 }
 

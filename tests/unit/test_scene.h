@@ -283,6 +283,8 @@ class TestScene {
     v.triangle_count = u32(m.triangles.size());
     v.vertex_count = u32(m.positions.size());
     v.shape = m.shape;
+    v.strand_points = data(m.strand_points);
+    v.uvs_around = m.shape == Shape::kCurves && v.uvs;
     v.part_count = m.parts.empty() ? 1 : *std::max_element(m.parts.begin(), m.parts.end()) + 1;
     return v;
   }

@@ -1,4 +1,4 @@
-// A plain tracer over the triangles and shapes of a TestScene, and a film for it. Included by the
+// A plain tracer over the triangles and other primitives of a TestScene, and a film for it. Included by the
 // kernels' unit tests.
 #pragma once
 
@@ -89,10 +89,14 @@ class TestTracer {
       const mat4x3& to_object = instance.object_from_world;
       const ShapeRay local{transform_point(to_object, ray.origin),
                            transform_vector(to_object, ray.direction), ray.t_max};
-      ShapeHit hit;
-      if (!meet_shape(scene_->meshes[instance.mesh].shape, local, hit)) continue;
-      best = {hit.t, i, 0, hit.place.x, hit.place.y};
-      ray.t_max = hit.t;
+      const MeshView& mesh = scene_->meshes[instance.mesh];
+      for (u32 p = 0; p < mesh.triangle_count; ++p) {
+        ShapeHit hit;
+        if (!meet_primitive({mesh, p, ray.time}, {local.origin, local.direction, ray.t_max}, hit))
+          continue;
+        best = {hit.t, i, p, hit.place.x, hit.place.y};
+        ray.t_max = hit.t;
+      }
     }
     if (nodes_.empty()) return best;
     float t_max = ray.t_max;

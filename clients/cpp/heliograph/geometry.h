@@ -40,6 +40,9 @@ struct Geometry {
   std::map<std::string, Vec3> keypoints{};  // in mesh coordinates
   Array skeleton{};                         // (E, 2) u32, edges between keypoints
   std::vector<Symmetry> symmetries{};
+  // Instead of indices, round curves through the positions: hairs, cables, grass. docs/curves.md
+  Array curves{};  // (S,) u32, points of each strand
+  Array radii{};   // (V,) metres
 };
 
 /// A texture: a picture and how it is read. What is empty stays, or is the default of a new one.

@@ -25,6 +25,8 @@ void put_topology(const Geometry& geometry, Draft& draft, v1::Mesh* out) {
       {&geometry.morph_positions, &v1::Mesh::mutable_morph_positions},
       {&geometry.morph_normals, &v1::Mesh::mutable_morph_normals},
       {&geometry.skeleton, &v1::Mesh::mutable_skeleton},
+      {&geometry.curves, &v1::Mesh::mutable_curves},
+      {&geometry.radii, &v1::Mesh::mutable_radii},
   };
   for (const auto& [array, field] : arrays)
     if (!array->empty()) put_asset(*array, draft, (out->*field)());

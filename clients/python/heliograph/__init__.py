@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from .usd.robots import UsdRobot
     from .values import framing, lights, materials, shapes, sky
     from .values.components import Camera, Tex, Visibility
+    from .values.curves import smooth_curves
     from .values.lights import Light, Portal
     from .values.pose import Pose, look_at, moving
     from .values.sensors import DepthSensor, RgbSensor
@@ -98,6 +99,7 @@ _LAZY = {
     "lights": "values.lights",
     "materials": "values.materials",
     "shapes": "values.shapes",
+    "smooth_curves": "values.curves",
     "sky": "values.sky",
     "studio": "scene.studio",
     "tonemap": "image.tonemap",
@@ -164,6 +166,7 @@ __all__ = [
     "moving",
     "shapes",
     "sky",
+    "smooth_curves",
     "stereo",
     "studio",
     "tonemap",

@@ -41,10 +41,10 @@ MeshArrays lay_mesh(Layout& layout, const kernels::MeshView& mesh) {
   const u32 count = mesh.triangle_count;
   MeshArrays made{layout.take<kernels::BvhNode>(count), layout.take<u32>(count),
                   layout.take<kernels::TreeHead>(1)};
-  if (mesh.segments > 0)
-    made.numbers = layout.take<u32>(count);
-  else
+  if (kernels::has_packed_triangles(mesh))
     made.triangles = layout.take<kernels::BvhTriangle>(count);
+  else
+    made.numbers = layout.take<u32>(count);
   return made;
 }
 

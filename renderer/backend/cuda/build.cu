@@ -57,7 +57,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_triangle_boxes(const __grid_constant__ BuildLaunch l) {
   if (!builds(l)) return;
-  note_box(l, thread() < l.tree.count ? triangle_box(l.mesh, thread()) : no_box());
+  note_box(l, thread() < l.tree.count ? primitive_box(l.mesh, thread()) : no_box());
 }
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
@@ -237,7 +237,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   if (i >= l.tree.count) return;
   const u32 number =
       l.before.triangles ? l.before.triangles[i].number : l.before.triangle_numbers[i];
-  refit_item(l, i, triangle_box(l.mesh, number));
+  refit_item(l, i, primitive_box(l.mesh, number));
   put_triangle(l, i, number);
 }
 

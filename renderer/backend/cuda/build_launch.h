@@ -66,7 +66,7 @@ struct BuildLaunch {
   Refit before;
   // of triangles
   kernels::MeshView mesh;
-  kernels::BvhTriangle* triangles;  // the result; null: the mesh deforms while the shutter is open
+  kernels::BvhTriangle* triangles;  // the result; null: not has_packed_triangles()
   u32* triangle_numbers;            // then this is
 };
 

@@ -39,6 +39,7 @@ void copy_mesh(kernels::MeshView& m, Copies& copies) {
   m.colors = copies.of(m.colors, vertices);
   m.tangents = copies.of(m.tangents, vertices);
   m.parts = copies.of(m.parts, triangles);
+  m.strand_points = copies.of(m.strand_points, vertices);
 }
 
 /// Whether the tree over a mesh, of an entity's own vertices, is built on the device.

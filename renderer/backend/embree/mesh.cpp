@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "renderer/backend/embree/commit.h"
-#include "renderer/backend/embree/shape_geometry.h"
+#include "renderer/backend/embree/primitive_geometry.h"
 
 namespace heliograph::embree {
 namespace {
@@ -43,11 +43,11 @@ GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
 
 Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh, RTCDevice device,
                                                        const Interrupt& interrupt) {
-  auto made = std::make_shared<EmbreeMesh>();
+  auto made = std::make_shared<EmbreeMesh>(mesh);
   made->scene = new_scene(device);
   const GeometryHandle geometry = mesh.shape() == kernels::Shape::kTriangles
                                       ? triangle_geometry(mesh, device)
-                                      : shape_geometry(mesh.shape(), device);
+                                      : primitive_geometry(made->view, device);
   rtcAttachGeometryByID(made->scene.get(), geometry.get(), 0);
   HELIO_TRY(commit(made->scene.get(), device, interrupt));
   made->bytes_ = mesh.topology->triangles.size() * kBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);

@@ -7,6 +7,11 @@
 namespace heliograph::embree {
 
 struct EmbreeMesh final : MeshAccelerator {
+  explicit EmbreeMesh(const DeviceMesh& mesh) : view(mesh.view()), strands(mesh.strands) {}
+  // What primitives that are no triangles are computed from, ray by ray. Whoever traces it has its
+  // positions, those at rest, and its triangles.
+  kernels::MeshView view;
+  std::shared_ptr<const Strands> strands;
   SceneHandle scene;
   u64 bytes_ = 0;
   [[nodiscard]] u64 bytes() const override { return bytes_; }

@@ -42,11 +42,16 @@ class Beside {
   RTCRayHit8 query_;
 };
 
+/// Whether rays may slip through an instance: what other primitives say of a ray is final.
+bool slips(const SceneView& scene, u32 instance) {
+  return scene.meshes[scene.instances[instance].mesh].shape == kernels::Shape::kTriangles;
+}
+
 /// By the watertight test; a ray of object space.
 bool meet(const SceneView& scene, u32 instance, u32 primitive, const Ray& ray,
           kernels::TriangleHit& hit) {
+  if (!slips(scene, instance)) return false;
   const kernels::MeshView& mesh = scene.meshes[scene.instances[instance].mesh];
-  if (mesh.shape != kernels::Shape::kTriangles) return false;
   const uvec3 vertices = mesh.triangles[primitive];
   const auto at = [&](u32 vertex) { return kernels::vertex_at(mesh, vertex, ray.time); };
   const vec3 inverse = kernels::box_ray(ray.origin, ray.direction).inverse;
@@ -73,7 +78,7 @@ Hit look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& ne
   Hit other = kMiss;
   for (u32 i = 0; i < kBeside; ++i) {
     const Hit seen = beside.hit(i, scene);
-    if (!(seen.t < before)) continue;
+    if (!(seen.t < before) || !slips(*scene.view, seen.instance)) continue;
     if (seen.t < before * (1 - kernels::kUnclear)) {
       ++nearer;
       other = seen;

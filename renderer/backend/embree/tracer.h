@@ -61,13 +61,12 @@ struct Contest {
   const kernels::Ray* ray[8];  // by RTCRay::id
   kernels::Hit best[8];
 
-  /// What ray i met, of which Embree says `last`: shapes take no part in contests.
+  /// What ray i met, of which Embree says `last`: discs and spheres take no part in contests.
   [[nodiscard]] kernels::Hit winner(kernels::u32 i, const kernels::Hit& last,
                                     const kernels::SceneView& scene) const {
     if (last.instance == kernels::kNone) return last;
-    const bool is_shape =
-        scene.meshes[scene.instances[last.instance].mesh].shape != kernels::Shape::kTriangles;
-    return is_shape ? last : best[i];
+    const bool whole = kernels::is_whole(scene.meshes[scene.instances[last.instance].mesh].shape);
+    return whole ? last : best[i];
   }
 };
 

@@ -119,8 +119,18 @@ def read(name: str, chunks: Iterable[service.SceneChunk]) -> World:
         _take(world, found, number, edit)
     for entity in found.values():
         entity.parent = key_of(entity.message.parent)
+        _leave_out_curves(world, entity)
     _put_in_order(world, found)
     return world
+
+
+def _leave_out_curves(world: World, entity: Entity) -> None:
+    mesh = key_of(entity.message.mesh)
+    if mesh is None or not world.shared[mesh].message.HasField("curves"):
+        return
+    world.notes.add(entity.title, "curves are left out")
+    for name in ("mesh", "materials", "skin", "morph_weights"):
+        entity.message.ClearField(name)
 
 
 def _received(chunks: Iterable[service.SceneChunk]) -> tuple[Any, dict[bytes, bytearray]]:

@@ -184,7 +184,7 @@ class Entity(Handle):
 
 
 class Mesh(Handle):
-    """A triangle mesh. Arrays are read-only copies of what it was given."""
+    """A mesh of triangles or curves. Arrays are read-only copies of what it was given."""
 
     kind = "mesh"
 
@@ -195,8 +195,19 @@ class Mesh(Handle):
 
     @property
     def indices(self) -> NdArray:
-        """(F, 3) uint32."""
-        return np.asarray(self._read("mesh.indices")[0])
+        """(F, 3) uint32; (0, 3) of curves."""
+        found = self._array("mesh.indices")
+        return np.zeros((0, 3), "u4") if found is None else found
+
+    @property
+    def curves(self) -> NdArray | None:
+        """(S,) uint32, points of each strand; None: of triangles."""
+        return self._array("mesh.curves")
+
+    @property
+    def radii(self) -> NdArray | None:
+        """(V,) float32, metres; None: of triangles."""
+        return self._array("mesh.radii")
 
     @property
     def normals(self) -> NdArray | None:

@@ -301,6 +301,8 @@ _TOPOLOGY: dict[str, tuple[str, tuple[int | None, ...]]] = {
     "morph_positions": ("<f4", (None, None, 3)),
     "morph_normals": ("<f4", (None, None, 3)),
     "skeleton": ("<u4", (None, 2)),
+    "curves": ("<u4", (None,)),
+    "radii": ("<f4", (None,)),
 }
 
 
@@ -309,13 +311,15 @@ class Geometry(TypedDict, total=False):
 
     positions: Any  #: (V, 3) metres, or (K, V, 3) with times
     times: Any  #: (K,) seconds
-    indices: Any  #: (F, 3), counter-clockwise seen from outside
+    indices: Any  #: (F, 3), counter-clockwise seen from outside; or:
+    curves: Any  #: (S,) points of each strand: round curves through positions
+    radii: Any  #: (V,) metres, with curves
     normals: Any  #: (V, 3), or (K, V, 3); None: flat
     uvs: Any  #: (V, 2)
     uvs1: Any  #: (V, 2): a second set, for Tex(uv_set=1)
     colors: Any  #: (V, 3) or (V, 4): float linear, or u8, u16 normalised
     tangents: Any  #: (V, 4)
-    parts: Any  #: (F,) from 0: the place in `materials`
+    parts: Any  #: (F,) from 0, of each triangle or segment: the place in `materials`
     part_names: Sequence[str] | None  #: one a part
     joints: Any  #: (V, 4): places in the entity's skin=
     weights: Any  #: (V, 4): how much each joint counts

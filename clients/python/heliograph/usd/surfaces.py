@@ -9,7 +9,7 @@ import numpy as np
 from pxr import UsdGeom, UsdShade
 
 from .._wire.arrays import NdArray
-from . import gprims, materials, meshes
+from . import curves, gprims, materials, meshes
 from .context import Context
 from .model import Look, Node
 
@@ -65,6 +65,10 @@ class Surfaces:
             faces = [part.faces for part in parts]
             found = meshes.geometry(self.context, UsdGeom.Mesh(prim), faces, looks)
             geometry, vertices = found or (None, vertices)
+        elif prim.IsA(UsdGeom.BasisCurves):
+            geometry = curves.geometry(self.context, prim)
+            if any(self.context.model.looks[part.look].primvars for part in parts):
+                self.context.note(prim, "its textures go along and around it, by no primvar")
         else:
             geometry = gprims.geometry(self.context, prim)
         if geometry is None:

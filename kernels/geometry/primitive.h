@@ -1,0 +1,167 @@
+// The kinds of primitives that rays meet: a type for each, which owns its bounds, where a ray of
+// object space meets it, and its surface. Called by surface.h, exact.h and tracers.
+//
+// A kind has
+//   bound(mesh, primitive, key, box)  extends a box by where the primitive is at a key of the mesh
+//   meet(at, ray, hit)                where a ray meets it first; triangles leave that to tracers,
+//                                     whose tests are watertight (bvh_meet.h, Embree)
+//   surface(at, place)                a point of it
+// How lights of a kind are sampled is in kernels/light: light_triangle.h, light_shape.h.
+#pragma once
+
+#include "kernels/geometry/curve.h"
+#include "kernels/material/material.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Corners of a triangle in object space: one of them and the edges from it.
+template <class V>
+struct CornersOf {
+  V a, ab, ac;
+};
+using Corners = CornersOf<vec3>;
+template <class V = vec3>
+KERNEL CornersOf<V> corners_of(const vec3* positions, uvec3 triangle) {
+  const V a(positions[triangle.x]);
+  return {a, V(positions[triangle.y]) - a, V(positions[triangle.z]) - a};
+}
+
+/// The same at a time, of a mesh that may deform.
+template <class V = vec3>
+KERNEL CornersOf<V> corners_at(const MeshView& mesh, uvec3 triangle, float time) {
+  if (mesh.segments == 0) return corners_of<V>(mesh.positions, triangle);
+  const Segment s = segment_at(mesh.segments, time);
+  const vec3* positions = mesh.positions + u64(s.index) * mesh.vertex_count;
+  const CornersOf<V> from = corners_of<V>(positions, triangle);
+  const CornersOf<V> to = corners_of<V>(positions + mesh.vertex_count, triangle);
+  const typename V::value_type u(s.u);
+  const auto mix = [u](V a, V b) { return a * (1 - u) + b * u; };
+  return {mix(from.a, to.a), mix(from.ab, to.ab), mix(from.ac, to.ac)};
+}
+
+/// A point of a surface in object space, its normal of any length, and corners that are as large as
+/// the numbers that it was computed from.
+struct PrimitiveSurface {
+  vec3 p, normal;
+  Corners extent;
+};
+
+struct Triangles {
+  template <class Box>
+  KERNEL static void bound(const MeshView& mesh, u32 primitive, u32 key, Box& box) {
+    const vec3* positions = mesh.positions + u64(key) * mesh.vertex_count;
+    for (int k = 0; k < 3; ++k) box.extend(positions[mesh.triangles[primitive][k]]);
+  }
+  KERNEL static PrimitiveSurface surface(const PrimitiveAt& at, vec2 weights) {
+    const Corners c = corners_at(at.mesh, at.mesh.triangles[at.primitive], at.time);
+    return {c.a + c.ab * weights.x + c.ac * weights.y, cross(c.ab, c.ac), c};
+  }
+};
+
+/// Its triangle's plane is its own.
+struct Disc : Triangles {
+  template <class Box>
+  KERNEL static void bound(const MeshView&, u32, u32, Box& box) {
+    box.extend(vec3(-1, -1, 0));
+    box.extend(vec3(1, 1, 0));
+  }
+  KERNEL static bool meet(const PrimitiveAt&, const ShapeRay& ray, ShapeHit& hit) {
+    return meet_disc(ray, hit);
+  }
+};
+
+struct Sphere {
+  template <class Box>
+  KERNEL static void bound(const MeshView&, u32, u32, Box& box) {
+    box.extend(vec3(-1));
+    box.extend(vec3(1));
+  }
+  KERNEL static bool meet(const PrimitiveAt&, const ShapeRay& ray, ShapeHit& hit) {
+    return meet_sphere(ray, hit);
+  }
+  KERNEL static PrimitiveSurface surface(const PrimitiveAt&, vec2 place) {
+    const vec3 p = sphere_point(place);
+    return {p, p, {vec3(0), vec3(1), vec3(1)}};
+  }
+};
+
+struct Curves {
+  template <class Box>
+  KERNEL static void bound(const MeshView& mesh, u32 primitive, u32 key, Box& box) {
+    const uvec3 points = mesh.triangles[primitive];
+    for (int k = 0; k < 2; ++k) {
+      const vec3 p = mesh.positions[u64(key) * mesh.vertex_count + points[k]];
+      const float radius = mesh.strand_points[points[k]].w;
+      // Rounding moves what rays meet, and points between two keys, by less.
+      const vec3 reach = vec3(radius * (1 + 0x1p-18f)) + abs3(p) * 0x1p-21f;
+      box.extend(p - reach);
+      box.extend(p + reach);
+    }
+  }
+  KERNEL static bool meet(const PrimitiveAt& at, const ShapeRay& ray, ShapeHit& hit) {
+    SegmentHitOf<float> met;
+    if (!meet_segment<float>(at, {ray.origin, ray.direction, ray.t_max}, met)) return false;
+    hit = {met.t, met.place};
+    return true;
+  }
+  HELIO_GPU_NOINLINE KERNEL static PrimitiveSurface surface(const PrimitiveAt& at, vec2 place) {
+    const uvec3 points = at.mesh.triangles[at.primitive];
+    const RoundSegment s = round_segment(at.mesh, points, at.time);
+    const ConeOf<float> cone = cone_of(scaled(s, scale_of(s)));
+    const SegmentPoint point = segment_point(s, cone, zero_of(at.mesh, points, cone.axis), place);
+    const vec3 width(max2(s.ra, s.rb));
+    return {s.a + point.p, point.normal, {s.a, abs3(s.ab) + width, width}};
+  }
+};
+
+/// Calls f with the kind of a mesh.
+template <class F>
+KERNEL auto with_kind(Shape shape, const F& f) {
+  switch (shape) {
+    case Shape::kDisc:
+      return f(Disc{});
+    case Shape::kSphere:
+      return f(Sphere{});
+    case Shape::kCurves:
+      return f(Curves{});
+    case Shape::kTriangles:
+      break;
+  }
+  return f(Triangles{});
+}
+
+KERNEL PrimitiveSurface primitive_surface(const PrimitiveAt& at, vec2 place) {
+  if (has_curves(at.mesh)) return Curves::surface(at, place);
+  if (at.mesh.shape == Shape::kSphere) return Sphere::surface(at, place);
+  return Triangles::surface(at, place);  // and Disc
+}
+
+/// Extends a box by where a primitive is at a key of its mesh.
+template <class Box>
+KERNEL void bound_primitive(const MeshView& mesh, u32 primitive, u32 key, Box& box) {
+  with_kind(mesh.shape, [&](auto kind) { decltype(kind)::bound(mesh, primitive, key, box); });
+}
+
+/// Where a ray of object space first meets a primitive that is no triangle, at t in (0, t_max].
+HELIO_GPU_NOINLINE KERNEL bool meet_primitive(const PrimitiveAt& at, const ShapeRay& ray,
+                                              ShapeHit& hit) {
+  return with_kind(at.mesh.shape, [&](auto kind) {
+    if constexpr (requires { decltype(kind)::meet(at, ray, hit); })
+      return decltype(kind)::meet(at, ray, hit);
+    return false;
+  });
+}
+
+/// Edges along which texture coordinates grow at a point of a segment: along the strand, and once
+/// around it.
+///
+/// place   u in [0, 1]
+HELIO_GPU_NOINLINE KERNEL Corners strand_edges(const MeshView& mesh, uvec3 points, float time,
+                                               vec2 place) {
+  const RoundSegment s = round_segment(mesh, points, time);
+  const ConeOf<float> cone = cone_of(scaled(s, scale_of(s)));
+  const SegmentPoint point = segment_point(s, cone, zero_of(mesh, points, cone.axis), place);
+  return {s.a, s.ab, point.around * (2 * kPi * (s.ra + (s.rb - s.ra) * place.x))};
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
