@@ -39,7 +39,7 @@ void put_symmetry(const Symmetry& symmetry, v1::Symmetry* out) {
   *out->mutable_offset() = to_proto(symmetry.offset);
 }
 
-/// All grids fill the box that the density's voxels make.
+/// Puts a grid, which fills the box that the density's voxels make.
 void put_grid(const Medium& medium, const Array& values, Draft& draft, v1::Grid* out) {
   const std::array<double, 3> size{medium.voxel_size.x, medium.voxel_size.y, medium.voxel_size.z};
   const std::array<double, 3> origin{medium.origin.x, medium.origin.y, medium.origin.z};

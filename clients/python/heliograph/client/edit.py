@@ -335,9 +335,8 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         up ("x", "y", "z") and units (metres per unit) serve formats that name none, and override a
         file's own; glTF refuses them. variant: of a glTF with KHR_materials_variants, the name of
         the one to show instead of the default; NotFound lists the names. surface: of a volume file,
-        its level sets as a mesh, a part each, instead of one of them as fog; refused where there is
-        none. server_path: a file under the daemon's asset root instead. Roots are called `name`, or
-        "<name>/0" .. for a count above 1.
+        its level sets as a mesh, a part each, not one as fog; refused without any. server_path: a
+        file under the daemon's asset root. Roots are `name`, or "<name>/0" .. if count > 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
         `folders`: where the model says they are, else a file of the same name. Without one the
@@ -388,8 +387,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         self._add(None).advance.dt = number_of(dt, "dt")
 
     def categories(self, *names: str) -> None:
-        """Registers classes in this order, so that every scene gives them the same ids; known
-        classes keep theirs."""
+        """Gives classes ids in this order, the same in every scene; known classes keep theirs."""
         self._add(None).settings.categories.extend(text_of(n, "categories") for n in names)
 
     def time(self, t: float) -> None:

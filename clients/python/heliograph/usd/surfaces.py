@@ -48,12 +48,12 @@ class Surfaces:
             node.looks = [part.look for part in parts]
 
     def _source(self, prim: Any) -> str:
-        """What instances share."""
+        """Path of the prim, or of its prototype's, which instances share."""
         found = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         return str(found.GetPath())
 
     def _reads(self, look: str) -> tuple[Any, ...]:
-        """What of a mesh a look depends on."""
+        """Primvars and colours of a mesh that a look reads."""
         found = self.context.model.looks[look]
         return (*found.primvars, found.colors)
 
