@@ -28,8 +28,9 @@ u64 words_in(std::string_view text) {
   u64 count = 0;
   bool within = false;
   for (const char c : text) {
-    count += !is_space(c) && !within;
-    within = !is_space(c);
+    const bool blank = is_space(c);
+    count += !blank && !within;
+    within = !blank;
   }
   return count;
 }
