@@ -248,29 +248,34 @@ KERNEL F depth_within(const RoundSegmentOf<F>& s, Vec3<F> p) {
   return s.ra - (rho * cone.cosine + z * cone.sine);
 }
 
+/// Whether the segments before and after one are of the same strand.
+struct Neighbours {
+  bool before, after;
+};
+KERNEL Neighbours neighbours_of(const PrimitiveAt& at) {
+  const uvec3* segment = at.mesh.triangles + at.primitive;
+  return {at.primitive > 0 && segment[-1].y == segment->x,
+          at.primitive + 1 < at.mesh.triangle_count && segment[1].x == segment->y};
+}
+
 /// Whether a point of a segment lies within the segment before or after it: then it is no surface
-/// of the strand. What lies on both surfaces, as far as rounding tells, belongs to both.
+/// of the strand. What lies on both surfaces, as far as rounding tells, is.
 ///
 /// p       relative to the first sphere
 /// scale   of `s` and p
 template <class F>
 KERNEL bool is_inside_strand(const PrimitiveAt& at, const RoundSegmentOf<F>& s, Vec3<F> p,
                              F scale) {
-  const uvec3 points = at.mesh.triangles[at.primitive];
-  const auto within = [&](u32 number) {
+  const auto within = [&](u32 number, Vec3<F> from_shared) {
     const RoundSegmentOf<F> other =
         scaled(round_segment<F>(at.mesh, at.mesh.triangles[number], at.time), scale);
     const F size = max_component(abs(other.ab)) + max_component(abs(s.ab));
     const F rounding = F(0x1p-10) * max2(other.ra, other.rb) + F(0x1p-20) * size;
-    // The segments share one point: from it, both are as exact as their own edges.
     const bool is_before = number < at.primitive;
-    return depth_within(other, is_before ? p + other.ab : p - s.ab) > rounding;
+    return depth_within(other, is_before ? from_shared + other.ab : from_shared) > rounding;
   };
-  if (at.primitive > 0 && at.mesh.triangles[at.primitive - 1].y == points.x &&
-      within(at.primitive - 1))
-    return true;
-  return at.primitive + 1 < at.mesh.triangle_count &&
-         at.mesh.triangles[at.primitive + 1].x == points.y && within(at.primitive + 1);
+  const auto [before, after] = neighbours_of(at);
+  return (before && within(at.primitive - 1, p)) || (after && within(at.primitive + 1, p - s.ab));
 }
 
 template <class F>
@@ -310,6 +315,8 @@ KERNEL bool meet_segment(const PrimitiveAt& at, const SegmentRayOf<F>& ray, Segm
     const F t = (crossings.at[i] - near.begin) / length * (shrink / scale);
     if (!(t > 0 && t <= ray.t_max && t < F(INFINITY))) continue;
     const Vec3<F> p = near.origin + near.direction * crossings.at[i];
+    // The sphere between two segments is of the one before: no place has two names.
+    if (crossings.part[i] == SegmentPart::kFirst && neighbours_of(at).before) continue;
     if (is_inside_strand(at, s, p, scale)) continue;
     hit = {t, place_of(s, cone, crossings.part[i], p, zero_of(at.mesh, points, cone.axis))};
     return true;

@@ -202,11 +202,13 @@ def test_questions(scene):
 def test_arrays_come_back(scene):
     with scene.edit() as edit:
         mesh = rod(edit) and edit.mesh("more", positions=np.eye(3), curves=[3], radii=[1, 2, 3])
-    assert mesh.curves.tolist() == [3] and mesh.radii.tolist() == [1, 2, 3]
+    curves, radii = scene.read([mesh], ["mesh.curves", "mesh.radii"])[0]
+    assert curves.tolist() == [3] and radii.tolist() == [1, 2, 3]
     assert mesh.indices.shape == (0, 3) and mesh.uvs is None
     with scene.edit() as edit:
         edit.mesh("more", positions=2 * np.eye(3))
-    assert mesh.radii.tolist() == [1, 2, 3] and mesh.positions[0, 0] == 2
+    assert scene.read([mesh], ["mesh.radii"])[0][0].tolist() == [1, 2, 3]
+    assert mesh.positions[0, 0] == 2
     np.testing.assert_allclose(scene["rod"].aabb, [(-1.25, -0.25, -0.25), (1.25, 0.25, 0.25)])
 
 

@@ -37,8 +37,9 @@ def BasisCurves "Cubic"
 def test_linear_curves_have_their_widths_and_colors(scene, tmp_path):
     asset = stages.put(scene, stages.written(tmp_path, LINEAR))
     mesh = asset.entities["/Linear"].mesh
-    assert mesh.curves.tolist() == [2, 3] and asset.warnings == []
-    np.testing.assert_allclose(mesh.radii, [0.1, 0.1, 0.2, 0.2, 0.2])
+    curves, radii = scene.read([mesh], ["mesh.curves", "mesh.radii"])[0]
+    assert curves.tolist() == [2, 3] and asset.warnings == []
+    np.testing.assert_allclose(radii, [0.1, 0.1, 0.2, 0.2, 0.2])
     frame = scene.render("above", spp=1, planes=["depth", "base_color"])
     for y, radius, color in ((-0.5, 0.1, (1, 0, 0)), (0.5, 0.2, (0, 1, 0))):
         row, column = 31 - int(np.floor(y * 32)), 32
@@ -64,7 +65,7 @@ def test_cubic_curves_begin_and_end_where_their_bases_say(scene, tmp_path, basis
     mesh = asset.entities["/Cubic"].mesh
     found = mesh.positions[[0, -1]]
     np.testing.assert_allclose(found, ends, atol=1e-6)
-    np.testing.assert_allclose(mesh.radii, 0.05)
+    np.testing.assert_allclose(scene.read([mesh], ["mesh.radii"])[0][0], 0.05)
 
 
 def test_points_that_move_are_keys(scene, tmp_path):

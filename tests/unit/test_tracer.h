@@ -1,5 +1,5 @@
-// A plain tracer over the triangles and other primitives of a TestScene, and a film for it. Included by the
-// kernels' unit tests.
+// A plain tracer over the primitives of a TestScene, and a film for it. Included by the kernels'
+// unit tests.
 #pragma once
 
 #include <algorithm>

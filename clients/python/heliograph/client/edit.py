@@ -245,14 +245,12 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         exist_ok: bool = True,
         **geometry: Unpack[patches.Geometry],
     ) -> Mesh:
-        """Creates a mesh (positions and indices, or positions, curves and radii), or changes one.
+        """Creates a mesh, of triangles (indices) or curves (curves, radii), or changes one.
 
         positions: (V, 3) metres, or (K, V, 3) at times. indices: (F, 3), counter-clockwise seen
-        from outside. normals: (V, 3); None: flat. uvs: (V, 2). parts: (F,) from 0.
-        curves: (S,) points of each strand, radii: (V,) metres: hairs, cables, grass, round and
-        linear between points; hg.smooth_curves() makes them of splines.
-        keypoints: {name: (3,)}. New positions alone keep the topology, so that flow and labels
-        follow the surface.
+        from outside. normals: (V, 3); None: flat. uvs: (V, 2). parts: (F,) from 0. curves: (S,)
+        points of each strand, radii: (V,) metres; of splines by hg.smooth_curves(). keypoints:
+        {name: (3,)}. New positions alone keep the topology, so that flow and labels follow it.
         """
         message = patches.mesh_message(self, geometry)
         self._add(name, exist_ok).mesh.CopyFrom(message)

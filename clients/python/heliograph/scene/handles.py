@@ -195,19 +195,8 @@ class Mesh(Handle):
 
     @property
     def indices(self) -> NdArray:
-        """(F, 3) uint32; (0, 3) of curves."""
-        found = self._array("mesh.indices")
-        return np.zeros((0, 3), "u4") if found is None else found
-
-    @property
-    def curves(self) -> NdArray | None:
-        """(S,) uint32, points of each strand; None: of triangles."""
-        return self._array("mesh.curves")
-
-    @property
-    def radii(self) -> NdArray | None:
-        """(V,) float32, metres; None: of triangles."""
-        return self._array("mesh.radii")
+        """(F, 3) uint32; none of curves, whose "mesh.curves" and "mesh.radii" scene.read() has."""
+        return np.zeros((0, 3), "u4") if (found := self._array("mesh.indices")) is None else found
 
     @property
     def normals(self) -> NdArray | None:
