@@ -29,6 +29,12 @@ u32 Builder::entity(const std::string& name, PutEntity put) {
   return u32(edits.size() - 1);
 }
 
+u32 Builder::turned_root(const mat4x3& world_from_file) {
+  const u32 root = entity("", PutEntity{});
+  return entity(claim_name("z_up", "z_up"),
+                {.parent = entity_ref(root), .pose = constant_pose(world_from_file)});
+}
+
 Ref Builder::entity_ref(u32 index) const {
   return CreatedByEdit{u32(loaded.asset.library.size()) + index};
 }

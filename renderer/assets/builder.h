@@ -29,6 +29,9 @@ class Builder {
   Ref library(const std::string& name, Action action);
   /// The first is the root. Returns its index among the entities.
   u32 entity(const std::string& name, PutEntity put);
+  /// Adds the root, which is the user's, and below it "z_up", which turns a file's axes and unit to
+  /// ours. Returns the latter.
+  u32 turned_root(const mat4x3& world_from_file);
   [[nodiscard]] Ref entity_ref(u32 index) const;
   [[nodiscard]] PutEntity& entity_at(u32 index);
 

@@ -1,12 +1,16 @@
 #include "renderer/assets/bundle.h"
 
 #include <algorithm>
-#include <cctype>
+#include <charconv>
+#include <filesystem>
 
 #include "renderer/assets/refuse.h"
+#include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
 namespace {
+
+using Path = std::filesystem::path;
 
 constexpr std::size_t kLongestPath = 4096;
 constexpr std::size_t kLongestName = 120;
@@ -18,48 +22,21 @@ constexpr std::size_t kLongestName = 120;
 }
 
 bool has_scheme(std::string_view path) {
-  const std::size_t colon = path.find(':');
-  return colon != std::string_view::npos &&
-         path.substr(0, colon).find('/') == std::string_view::npos;
+  return path.substr(0, path.find('/')).find(':') != std::string_view::npos;
 }
 
-/// Resolves "." and ".." in directory + "/" + path.
-std::string normalise(std::string_view directory, std::string_view path, const std::string& where,
+/// Resolves "." and ".." of a path, as written in the folder of the file `from`.
+std::string normalise(std::string_view from, std::string_view path, const std::string& where,
                       bool may_leave = false) {
   if (path.empty() || path.size() > kLongestPath || path.front() == '/' || has_scheme(path) ||
       path.find('\0') != std::string_view::npos) {
     refuse_path(where);
   }
-  std::vector<std::string_view> parts;
-  for (std::string_view text : {directory, path}) {
-    while (!text.empty()) {
-      const std::size_t slash = std::min(text.find('/'), text.size());
-      const std::string_view part = text.substr(0, slash);
-      text.remove_prefix(std::min(slash + 1, text.size()));
-      const bool is_up = part == "..";
-      if (is_up && !parts.empty() && parts.back() != "..") {
-        parts.pop_back();
-      } else if (is_up && !may_leave) {
-        refuse_path(where);
-      } else if (!part.empty() && part != ".") {
-        parts.push_back(part);
-      }
-    }
-  }
-  if (parts.empty()) refuse_path(where);
-  std::string result;
-  for (std::string_view part : parts) {
-    if (!result.empty()) result += '/';
-    result += part;
-  }
-  return result;
-}
-
-int hex_digit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
+  std::string resolved = (Path(from).parent_path() / path).lexically_normal().string();
+  if (resolved.ends_with('/')) resolved.pop_back();
+  const bool leaves = *Path(resolved).begin() == "..";
+  if (resolved == "." || (leaves && !may_leave)) refuse_path(where);
+  return resolved;
 }
 
 int base64_digit(char c) {
@@ -126,10 +103,8 @@ std::string readable(std::string_view text) {
   return out;
 }
 
-std::string_view folder_of(std::string_view path) {
-  const std::size_t slash = path.rfind('/');
-  return slash == path.npos ? "" : path.substr(0, slash);
-}
+/// The last name of a path.
+std::string_view file_of(std::string_view path) { return path.substr(path.rfind('/') + 1); }
 
 }  // namespace
 
@@ -158,7 +133,7 @@ bool Bundle::lacks(std::string_view path) const {
 
 std::string Bundle::resolve(std::string_view from, std::string_view reference,
                             const std::string& where) {
-  return normalise(folder_of(from), readable(reference), where);
+  return normalise(from, readable(reference), where);
 }
 
 std::string Bundle::companion(std::string_view from, std::string_view reference,
@@ -170,7 +145,7 @@ std::string Bundle::companion(std::string_view from, std::string_view reference,
   path.erase(path.find_last_not_of(kAround) + 1);
   if (path.starts_with('/') || has_scheme(path)) path.erase(0, path.find_last_of("/:") + 1);
   if (path.empty()) return path;
-  return normalise(folder_of(from), path, where, true);
+  return normalise(from, path, where, true);
 }
 
 std::string percent_decode(std::string_view text, const std::string& where) {
@@ -180,10 +155,11 @@ std::string percent_decode(std::string_view text, const std::string& where) {
       result += text[i];
       continue;
     }
-    const int high = i + 2 < text.size() ? hex_digit(text[i + 1]) : -1;
-    const int low = i + 2 < text.size() ? hex_digit(text[i + 2]) : -1;
-    if (high < 0 || low < 0) refuse(where, "% is not followed by two hexadecimal digits");
-    result += char(high * 16 + low);
+    u8 code = 0;
+    const char* const digits = text.data() + i + 1;
+    if (i + 2 >= text.size() || std::from_chars(digits, digits + 2, code, 16).ptr != digits + 2)
+      refuse(where, "% is not followed by two hexadecimal digits");
+    result += char(code);
     i += 2;
   }
   return result;
@@ -206,18 +182,14 @@ DataUri decode_data_uri(std::string_view uri, const std::string& where) {
 }
 
 std::string extension_of(std::string_view path) {
-  const std::size_t dot = path.rfind('.');
-  const std::size_t slash = path.rfind('/');
-  if (dot == std::string_view::npos || (slash != std::string_view::npos && dot < slash)) return "";
-  std::string result(path.substr(dot + 1));
-  std::ranges::transform(result, result.begin(), [](u8 c) { return char(std::tolower(c)); });
-  return result;
+  const std::string_view file = file_of(path);
+  const std::size_t dot = file.rfind('.');
+  return dot == file.npos ? "" : lower(file.substr(dot + 1));
 }
 
 std::string stem_of(std::string_view path) {
-  const std::size_t slash = path.rfind('/');
-  if (slash != std::string_view::npos) path.remove_prefix(slash + 1);
-  return clean_name(path.substr(0, path.rfind('.')), "asset");
+  const std::string_view file = file_of(path);
+  return clean_name(file.substr(0, file.rfind('.')), "asset");
 }
 
 std::string clean_text(std::string_view text, std::size_t longest) {

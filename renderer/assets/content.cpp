@@ -1,9 +1,11 @@
 #include "renderer/assets/content.h"
 
+#include <OpenImageIO/strutil.h>
+
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
-#include <optional>
 
 #include "renderer/assets/text_scan.h"
 
@@ -55,27 +57,14 @@ bool is_obj(std::string_view text) {
   return has_vertex;
 }
 
-/// UTF-16 as UTF-8; nullopt: it is none.
-std::optional<std::string> utf8_of(Bytes bytes, bool is_big) {
-  std::string out;
-  const auto unit = [&](std::size_t at) {
-    return u32(bytes[at + (is_big ? 0 : 1)]) << 8 | u32(bytes[at + (is_big ? 1 : 0)]);
-  };
-  if (bytes.size() % 2 != 0) return std::nullopt;
-  for (std::size_t at = 0; at < bytes.size(); at += 2) {
-    u32 code = unit(at);
-    if (code >= 0xD800 && code < 0xE000) {
-      const u32 low = at + 2 < bytes.size() ? unit(at += 2) : 0;
-      if (code >= 0xDC00 || low < 0xDC00 || low >= 0xE000) return std::nullopt;
-      code = 0x10000 + ((code & 0x3FF) << 10 | (low & 0x3FF));
-    }
-    if (code == 0) return std::nullopt;
-    const int extra = code < 0x80 ? 0 : code < 0x800 ? 1 : code < 0x10000 ? 2 : 3;
-    constexpr u32 kLead[] = {0, 0xC0, 0xE0, 0xF0};
-    out += char(kLead[extra] | code >> 6 * extra);
-    for (int i = extra - 1; i >= 0; --i) out += char(0x80 | (code >> 6 * i & 0x3F));
-  }
-  return out;
+/// UTF-16 as UTF-8; "": it is none.
+std::string utf8_of(Bytes bytes, bool is_big) {
+  std::u16string units(bytes.size() / 2, u'\0');
+  std::memcpy(units.data(), bytes.data(), 2 * units.size());
+  if (is_big)
+    for (char16_t& unit : units) unit = std::byteswap(unit);
+  const bool is_text = bytes.size() % 2 == 0 && units.find(u'\0') == units.npos;
+  return is_text ? OIIO::Strutil::utf16_to_utf8(units) : "";
 }
 
 }  // namespace
@@ -98,8 +87,8 @@ std::vector<BundleFile> in_utf8(std::span<const BundleFile> files, std::deque<st
   for (BundleFile& file : out) {
     const std::string_view mark = as_text(file.bytes).substr(0, 2);
     if (mark != "\xFE\xFF" && mark != "\xFF\xFE") continue;
-    auto text = utf8_of(file.bytes.subspan(2), mark == "\xFE\xFF");
-    if (text) file.bytes = std::as_bytes(std::span(texts.emplace_back(*std::move(text))));
+    std::string text = utf8_of(file.bytes.subspan(2), mark == "\xFE\xFF");
+    if (!text.empty()) file.bytes = std::as_bytes(std::span(texts.emplace_back(std::move(text))));
   }
   return out;
 }

@@ -21,10 +21,8 @@ constexpr float kSameAngle = 1e-3f;
 class Numbers {
  public:
   /// where: of the file in the document that holds it; empty: it is the document.
-  Numbers(std::string_view text, const std::string& where) : rest_(text), file_(where) {
-    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-    if (text.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
-  }
+  Numbers(std::string_view text, const std::string& where)
+      : rest_(without_mark(text)), file_(where) {}
 
   /// The next line, without its end; nullopt at the end of the file.
   [[nodiscard]] std::optional<std::string_view> line() {
@@ -37,14 +35,12 @@ class Numbers {
   }
   [[nodiscard]] float next(std::string_view what) {
     skip();
-    std::size_t end = 0;
-    while (end < rest_.size() && !separates(rest_[end])) ++end;
-    const std::string_view word = rest_.substr(0, end);
+    const std::string_view word(rest_.begin(), std::ranges::find_if(rest_, separates));
     if (word.empty()) refuse(where(), fmt::format("the file ends before {}", what));
     const auto number = parse_number(word);
     if (!number)
       refuse(where(), fmt::format("{} is '{}', not a finite number", what, clean_name(word, "")));
-    rest_.remove_prefix(end);
+    rest_.remove_prefix(word.size());
     return *number;
   }
   [[nodiscard]] float next(std::string_view what, float low) {
@@ -70,11 +66,10 @@ class Numbers {
   }
 
  private:
-  static bool separates(char c) { return c == ',' || trimmed({&c, 1}).empty(); }
+  static bool separates(char c) { return c == ',' || is_space(c); }
   void skip() {
-    std::size_t i = 0;
-    for (; i < rest_.size() && separates(rest_[i]); ++i) line_ += rest_[i] == '\n';
-    rest_.remove_prefix(i);
+    for (; !rest_.empty() && separates(rest_.front()); rest_.remove_prefix(1))
+      line_ += rest_.front() == '\n';
   }
   std::string_view rest_;
   const std::string& file_;

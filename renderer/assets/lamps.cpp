@@ -22,8 +22,7 @@ Camera camera_of(double aspect) {
 Light small_sphere() { return {.shape = LightShape::kSphere, .radius = kRadius}; }
 
 void put_light(Builder& builder, LightPatch light, const std::string& name, const Place& place) {
-  PutEntity put;
-  put.parent = builder.entity_ref(place.entity);
+  PutEntity put{.parent = builder.entity_ref(place.entity)};
   if (place.pose != mat4x3(1)) put.pose = constant_pose(place.pose);
   put.light = std::move(light);
   put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};

@@ -5,6 +5,7 @@
 #include <basisu_transcoder_internal.h>
 #include <blosc.h>
 #include <draco/core/draco_version.h>
+#include <fmt/ranges.h>
 #include <meshoptimizer.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <cmath>
 #include <deque>
 #include <pugixml.hpp>
+#include <ranges>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/content.h"
@@ -87,10 +89,7 @@ void check_size(Builder& builder) {
 }
 
 std::string model_formats() {
-  std::string out;
-  for (const Format& format : kFormats)
-    fmt::format_to(std::back_inserter(out), "{}{}", out.empty() ? "" : ", ", format.name);
-  return out;
+  return fmt::format("{}", fmt::join(kFormats | std::views::transform(&Format::name), ", "));
 }
 
 /// Of the request, whatever is in the file.

@@ -2,7 +2,9 @@
 // the checks before it becomes a PutMesh.
 #pragma once
 
+#include <cstring>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "renderer/assets/budget.h"
@@ -24,6 +26,21 @@ struct MeshData {
   std::vector<std::string> part_names;
   std::vector<std::vector<vec3>> morph_positions;  // by target, as long as `positions`
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
+};
+
+/// Hash of a vertex whose members are all of one size. They are loaded as they were stored, one by
+/// one: two at once would wait for both stores, which takes longer than the rest.
+struct VertexHash {
+  template <class T>
+  std::size_t operator()(const T& vertex) const {
+    std::conditional_t<alignof(T) == sizeof(u64), u64, u32> member;
+    u64 hash = 0;
+    for (std::size_t at = 0; at < sizeof vertex; at += sizeof member) {
+      std::memcpy(&member, reinterpret_cast<const char*>(&vertex) + at, sizeof member);
+      hash = hash * 0x9E3779B97F4A7C15ull + member;
+    }
+    return std::size_t((hash ^ hash >> 29) * 0xBF58476D1CE4E5B9ull);
+  }
 };
 
 /// Of length 1; 0 for what has no direction, a NaN too.

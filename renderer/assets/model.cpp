@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/gtc/matrix_transform.hpp>
 
 #include "renderer/assets/text_scan.h"
 
@@ -29,13 +30,13 @@ void put_model(Builder& builder, Model model) {
                                finish_mesh(std::move(model.mesh), model.where, builder.budget).put);
   if (!std::ranges::all_of(model.materials, is_nothing))
     shown.materials = std::move(model.materials);
-  if (placed.centre == glm::dvec3(0)) {
-    builder.entity("", std::move(shown));
-    return;
+  std::string name;
+  if (placed.centre != glm::dvec3(0)) {
+    shown.parent = builder.entity_ref(builder.entity("", PutEntity{}));
+    shown.pose = constant_pose(mat4x3(glm::translate(mat4(1), vec3(placed.centre))));
+    name = builder.claim_name("about_centre", "node");
   }
-  shown.parent = builder.entity_ref(builder.entity("", PutEntity{}));
-  shown.pose = constant_pose(mat4x3(mat3(1)[0], mat3(1)[1], mat3(1)[2], vec3(placed.centre)));
-  builder.entity(builder.claim_name("about_centre", "node"), std::move(shown));
+  builder.entity(name, std::move(shown));
 }
 
 Centred centred(std::span<const glm::dvec3> positions, Builder& builder) {

@@ -20,21 +20,12 @@ struct Corner {
   u32 position = 0, uv = kNone, normal = kNone;
   bool operator==(const Corner&) const = default;
 };
-struct CornerHash {
-  std::size_t operator()(const Corner& c) const {
-    u64 h = (u64(c.position) << 32 | c.uv) * 0x9E3779B97F4A7C15ull;
-    h ^= h >> 29;
-    return std::size_t((h ^ c.normal) * 0xBF58476D1CE4E5B9ull);
-  }
-};
 
 /// Whether a line begins with "vn".
 bool gives_normals(std::string_view text) {
-  constexpr std::string_view kSpace = " \t\r\n";
   for (std::size_t at = text.find("vn"); at != text.npos; at = text.find("vn", at + 2)) {
-    const bool starts = at == 0 || kSpace.find(text[at - 1]) != kSpace.npos;
-    const std::string_view next = text.substr(at + 2, 1);
-    if (starts && !next.empty() && kSpace.find(next[0]) != kSpace.npos) return true;
+    const bool starts = at == 0 || is_space(text[at - 1]);
+    if (starts && at + 2 < text.size() && is_space(text[at + 2])) return true;
   }
   return false;
 }
@@ -158,12 +149,9 @@ class Reader {
 
   /// 1 is the first, -1 the last so far; kNone for one that is not there.
   static u32 index(std::string_view text, std::size_t count) {
-    i64 value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const i64 value = parse<i64>(text).value_or(0);
     const i64 zero_based = value > 0 ? value - 1 : i64(count) + value;
-    const bool is_there = error == std::errc() && end == text.data() + text.size() && value != 0 &&
-                          zero_based >= 0 && zero_based < i64(count);
-    return is_there ? u32(zero_based) : kNone;
+    return value != 0 && zero_based >= 0 && zero_based < i64(count) ? u32(zero_based) : kNone;
   }
 
   u32 position_index(std::string_view text) const {
@@ -206,12 +194,9 @@ class Reader {
     }
     any_normal_ |= all_normals;
     if (!all_normals) give_flat_normal();
-    local_.clear();
     triangulate(polygon_, local_);
     Budget::check(mesh_.triangles.size() + local_.size(), limits_.triangles, "triangles", "");
-    if (!part_) {
-      part_ = parts_.try_emplace({group_, material_}, u32(parts_.size())).first->second;
-    }
+    if (!part_) part_ = parts_.try_emplace({group_, material_}, u32(parts_.size())).first->second;
     for (const uvec3& t : local_) {
       const u32 a = vertex(corners_[t.x]);
       const u32 b = vertex(corners_[t.y]);
@@ -261,7 +246,7 @@ class Reader {
   std::string group_, material_;
   std::optional<u32> part_;
   std::map<std::pair<std::string, std::string>, u32> parts_;  // (group, material)
-  std::unordered_map<Corner, u32, CornerHash> vertices_;
+  std::unordered_map<Corner, u32, VertexHash> vertices_;
   std::vector<Corner> corners_;
   std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;

@@ -2,12 +2,14 @@
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
 #include <map>
 #include <memory>
 #include <optional>
+#include <ranges>
 
 #include "renderer/assets/bundle.h"
 #include "renderer/assets/picture_headers.h"
@@ -54,11 +56,7 @@ std::string format_named(std::string_view name) {
   return {};
 }
 
-std::string in_words(std::string_view format) {
-  std::string text(format);
-  std::ranges::transform(text, text.begin(), [](char c) { return char(std::toupper(u8(c))); });
-  return text;
-}
+std::string in_words(std::string_view format) { return OIIO::Strutil::upper(format); }
 
 /// Warns of a name that is another format's.
 void check_name(std::string_view name, std::string_view content,
@@ -72,14 +70,12 @@ void check_name(std::string_view name, std::string_view content,
 /// Of a colour space or a profile; CMYK was converted.
 bool is_srgb(const std::string& name) {
   constexpr std::array kNames = {"sRGB", "srgb_rec709", "Rec709", "rec709", "CMYK"};
-  const auto has = [&](const char* part) { return name.find(part) != std::string::npos; };
-  return std::ranges::any_of(kNames, has);
+  return std::ranges::any_of(kNames, [&](const char* part) { return name.contains(part); });
 }
 
 /// Whether OpenImageIO says so.
 bool is_too_large(const std::string& message) {
-  return message.find("limits:") != std::string::npos ||
-         message.find("may not exceed") != std::string::npos;
+  return message.contains("limits:") || message.contains("may not exceed");
 }
 
 /// Reads one file.
@@ -106,7 +102,7 @@ class Reader {
       refuse_unimplemented(source_.where, "a cube map; save it as latitude and longitude");
     }
     const std::string space = text("tiff:ColorSpace");
-    if (space.find("LAB") != std::string::npos || space.starts_with("LOG")) {
+    if (space.contains("LAB") || space.starts_with("LOG")) {
       refuse_unimplemented(source_.where, fmt::format("a TIFF in {}; save it as RGB", space));
     }
     select(layer);
@@ -147,7 +143,7 @@ class Reader {
   /// Integers are sRGB unless the file says that they are linear.
   [[nodiscard]] bool srgb() {
     const std::string space = text("oiio:ColorSpace");
-    const bool linear = space.starts_with("lin_") || space.find("inear") != std::string::npos;
+    const bool linear = space.starts_with("lin_") || space.contains("inear");
     if (is_float() || linear) return false;
     warn_of_profile(space);
     return true;
@@ -182,7 +178,7 @@ class Reader {
                          source_.budget.limits().texels),
              Code::kResourceExhausted);
     }
-    if (!named.empty() && message_.find("does not exist") == std::string::npos) {
+    if (!named.empty() && !message_.contains("does not exist")) {
       refuse(source_.where, fmt::format("broken {}: {}", in_words(named), message_));
     }
     const std::string what = named.empty()
@@ -322,9 +318,7 @@ bool is_picture(Bytes bytes) {
 bool is_picture_name(std::string_view name) { return !format_named(name).empty(); }
 
 std::string picture_formats() {
-  std::string text;
-  for (const auto& [format, endings] : extensions()) text += (text.empty() ? "" : ", ") + format;
-  return text;
+  return fmt::format("{}", fmt::join(std::views::keys(extensions()), ", "));
 }
 
 Picture decode_picture(Bytes bytes, std::string_view name, const std::string& where, Budget& budget,

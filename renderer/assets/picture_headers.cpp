@@ -1,7 +1,6 @@
 #include "renderer/assets/picture_headers.h"
 
-#include <charconv>
-#include <cmath>
+#include <algorithm>
 #include <string_view>
 
 #include "renderer/assets/text_scan.h"
@@ -15,19 +14,10 @@ std::string_view take_line(std::string_view& text) {
   return line;
 }
 
-std::optional<float> take_number(std::string_view& text) {
-  while (text.starts_with(' ')) text.remove_prefix(1);
-  float value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  text.remove_prefix(std::size_t(end - text.data()));
-  if (error != std::errc() || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 std::optional<Chromaticities> chromaticities_of(std::string_view text) {
   Chromaticities found{};
   for (float& coordinate : found) {
-    const auto number = take_number(text);
+    const auto number = parse_number(take_word(text));
     if (!number) return std::nullopt;
     coordinate = *number;
   }
@@ -45,7 +35,8 @@ RadianceHeader radiance_header(Bytes bytes) {
     if (key == "FORMAT") header.is_xyze = value.starts_with("32-bit_rle_xyze");
     if (key == "PRIMARIES") header.primaries = chromaticities_of(value);
     if (key != "EXPOSURE") continue;
-    if (const auto factor = take_number(value); factor && *factor > 0) header.exposure *= *factor;
+    const auto factor = parse_number(take_word(value));
+    if (factor && *factor > 0) header.exposure *= *factor;
   }
   return header;
 }

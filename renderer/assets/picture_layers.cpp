@@ -1,7 +1,11 @@
 #include "renderer/assets/picture_layers.h"
 
+#include <OpenImageIO/strutil.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <optional>
+#include <ranges>
 
 #include "renderer/assets/bundle.h"
 #include "renderer/assets/refuse.h"
@@ -19,10 +23,6 @@ Channel channel_of(std::string_view full) {
   return {full.substr(0, dot), full.substr(dot + 1)};
 }
 
-bool same_letters(std::string_view a, std::string_view b) {
-  return std::ranges::equal(a, b, [](u8 x, u8 y) { return std::tolower(x) == std::tolower(y); });
-}
-
 class Channels {
  public:
   explicit Channels(const std::vector<std::string>& names) {
@@ -31,7 +31,7 @@ class Channels {
 
   [[nodiscard]] std::optional<u32> find(std::string_view layer, std::string_view name) const {
     for (u32 i = 0; i < channels_.size(); ++i) {
-      if (channels_[i].layer == layer && same_letters(channels_[i].name, name)) return i;
+      if (channels_[i].layer == layer && OIIO::Strutil::iequals(channels_[i].name, name)) return i;
     }
     return std::nullopt;
   }
@@ -123,12 +123,10 @@ Selection of_colors(const Channels& channels, const std::vector<std::string>& na
 
 std::string listed(const std::vector<std::string>& names) {
   constexpr std::size_t kMost = 12;
-  std::string text;
-  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) {
-    text += (i == 0 ? "" : ", ") + clean_name(names[i], "?");
-  }
-  if (names.size() > kMost) text += fmt::format(" and {} more", names.size() - kMost);
-  return text;
+  const auto cleaned = [](const std::string& name) { return clean_name(name, "?"); };
+  const auto first = names | std::views::take(kMost) | std::views::transform(cleaned);
+  const std::string text = fmt::format("{}", fmt::join(first, ", "));
+  return names.size() <= kMost ? text : fmt::format("{} and {} more", text, names.size() - kMost);
 }
 
 Selection select_channels(const std::vector<std::string>& names, std::string_view layer,

@@ -4,7 +4,6 @@
 #include "renderer/assets/ply_header.h"
 
 #include <algorithm>
-#include <bit>
 #include <unordered_map>
 #include <utility>
 
@@ -77,14 +76,6 @@ struct Wedge {
   vec2 uv{0};
   vec4 color{1};
   bool operator==(const Wedge&) const = default;
-};
-struct WedgeHash {
-  std::size_t operator()(const Wedge& w) const {
-    u64 h = w.vertex;
-    for (const float number : {w.uv.x, w.uv.y, w.color.x, w.color.y, w.color.z, w.color.w})
-      h = (h ^ std::bit_cast<u32>(number)) * 0x9E3779B97F4A7C15ull, h ^= h >> 29;
-    return std::size_t(h);
-  }
 };
 
 class Reader {
@@ -278,7 +269,6 @@ class Reader {
     }
     polygon_.clear();
     for (const u32 index : indices_) polygon_.push_back(positions_[index]);
-    local_.clear();
     triangulate(polygon_, local_);
     Budget::check(mesh_.triangles.size() + local_.size(), builder_.options.limits.triangles,
                   "triangles", "element face");
@@ -333,7 +323,7 @@ class Reader {
   std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;
   std::vector<Wedge> wedges_;
-  std::unordered_map<Wedge, u32, WedgeHash> known_;
+  std::unordered_map<Wedge, u32, VertexHash> known_;
   bool own_uvs_ = false, own_colors_ = false;  // of faces
   u64 empty_faces_ = 0;
 };

@@ -13,30 +13,32 @@
 namespace heliograph::assets::ply {
 namespace {
 
-constexpr std::array<u8, 8> kTypeBytes = {1, 1, 2, 2, 4, 4, 4, 8};
-
-Type type_of(std::string_view name, const std::string& where) {
-  constexpr std::array<std::array<std::string_view, 2>, 8> kNames = {{{"char", "int8"},
-                                                                      {"uchar", "uint8"},
-                                                                      {"short", "int16"},
-                                                                      {"ushort", "uint16"},
-                                                                      {"int", "int32"},
-                                                                      {"uint", "uint32"},
-                                                                      {"float", "float32"},
-                                                                      {"double", "float64"}}};
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (std::ranges::find(kNames[i], name) != kNames[i].end()) return Type(i);
-  }
-  refuse(where, fmt::format("'{}' is not a PLY type", clean_name(name, "")));
+template <class T>
+double as(const std::array<char, 8>& bytes) {
+  T number;
+  std::memcpy(&number, bytes.data(), sizeof number);
+  return double(number);
 }
 
-u64 parse_count(std::string_view word, const std::string& where) {
-  u64 value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size()) {
-    refuse(where, "the count is not a whole number");
-  }
-  return value;
+struct TypeRow {
+  std::string_view name, other_name;
+  std::size_t size;
+  double (*value)(const std::array<char, 8>&);
+};
+/// In the order of Type.
+constexpr std::array kTypes = std::to_array<TypeRow>({{"char", "int8", 1, as<std::int8_t>},
+                                                      {"uchar", "uint8", 1, as<u8>},
+                                                      {"short", "int16", 2, as<std::int16_t>},
+                                                      {"ushort", "uint16", 2, as<u16>},
+                                                      {"int", "int32", 4, as<i32>},
+                                                      {"uint", "uint32", 4, as<u32>},
+                                                      {"float", "float32", 4, as<float>},
+                                                      {"double", "float64", 8, as<double>}});
+
+Type type_of(std::string_view name, const std::string& where) {
+  for (std::size_t i = 0; i < kTypes.size(); ++i)
+    if (name == kTypes[i].name || name == kTypes[i].other_name) return Type(i);
+  refuse(where, fmt::format("'{}' is not a PLY type", clean_name(name, "")));
 }
 
 void header_line(std::string_view line, const std::string& where, Header& header) {
@@ -52,7 +54,9 @@ void header_line(std::string_view line, const std::string& where, Header& header
     }
   } else if (key == "element") {
     const std::string name(take_word(line));
-    header.elements.push_back({name, parse_count(take_word(line), where), {}});
+    const auto count = parse<u64>(take_word(line));
+    if (!count) refuse(where, "the count is not a whole number");
+    header.elements.push_back({name, *count, {}});
   } else if (key == "property") {
     if (header.elements.empty()) refuse(where, "a property comes before any element");
     Property property;
@@ -69,34 +73,6 @@ void header_line(std::string_view line, const std::string& where, Header& header
   } else if (key != "obj_info" && !key.empty()) {
     header.unread.push_back(clean_name(key, ""));
   }
-}
-
-template <class T>
-double as(const std::array<char, 8>& bytes) {
-  T number;
-  std::memcpy(&number, bytes.data(), sizeof number);
-  return double(number);
-}
-double value(const std::array<char, 8>& bytes, Type type) {
-  switch (type) {
-    case Type::kI8:
-      return as<std::int8_t>(bytes);
-    case Type::kU8:
-      return as<u8>(bytes);
-    case Type::kI16:
-      return as<std::int16_t>(bytes);
-    case Type::kU16:
-      return as<u16>(bytes);
-    case Type::kI32:
-      return as<i32>(bytes);
-    case Type::kU32:
-      return as<u32>(bytes);
-    case Type::kF32:
-      return as<float>(bytes);
-    case Type::kF64:
-      return as<double>(bytes);
-  }
-  return 0;
 }
 
 }  // namespace
@@ -122,14 +98,14 @@ Header read_header(std::string_view text) {
 
 double Numbers::next(Type type) {
   if (encoding_ == Encoding::kAscii) return ascii();
-  const std::size_t size = kTypeBytes[std::size_t(type)];
-  if (size > rest_.size()) refuse("data", "the file is truncated");
+  const TypeRow& row = kTypes[std::size_t(type)];
+  if (row.size > rest_.size()) refuse("data", "the file is truncated");
   std::array<char, 8> bytes{};
   const bool same =
       (std::endian::native == std::endian::little) == (encoding_ == Encoding::kLittle);
-  for (std::size_t i = 0; i < size; ++i) bytes[i] = rest_[same ? i : size - 1 - i];
-  rest_.remove_prefix(size);
-  return value(bytes, type);
+  for (std::size_t i = 0; i < row.size; ++i) bytes[i] = rest_[same ? i : row.size - 1 - i];
+  rest_.remove_prefix(row.size);
+  return row.value(bytes);
 }
 
 u64 Numbers::next_count(Type type) {
@@ -150,9 +126,7 @@ bool Numbers::end_element() {
 double Numbers::ascii() {
   const std::string_view word = take_word(rest_);
   if (word.empty()) refuse("data", "the file is truncated");
-  double number = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  if (error == std::errc() && end == word.data() + word.size()) return number;
+  if (const auto number = parse<double>(word)) return *number;
   if (is_no_number(word)) return std::numeric_limits<double>::quiet_NaN();
   refuse("data", fmt::format("'{}' is not a number", clean_name(word, "")));
 }

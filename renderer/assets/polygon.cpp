@@ -160,6 +160,7 @@ glm::dvec3 normal_of(std::span<const glm::dvec3> polygon) {
 
 void triangulate(std::span<const glm::dvec3> polygon, std::vector<uvec3>& triangles) {
   const auto count = u32(polygon.size());
+  triangles.clear();
   if (count == 3) triangles.emplace_back(0, 1, 2);
   if (count <= 3) return;
   const std::vector<Point> flat = flatten(polygon);

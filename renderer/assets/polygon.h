@@ -11,7 +11,7 @@ namespace heliograph::assets {
 
 /// Cuts a polygon of any size into triangles in its own plane, by ear clipping. Holes are those
 /// that a bridge joins to the outline: an edge there and back, over corners in the same places.
-/// Appends polygon.size() - 2 triangles of indices into it.
+/// `triangles` becomes its polygon.size() - 2 triangles, of indices into it.
 /// Source: Meisters 1975, "Polygons Have Ears".
 void triangulate(std::span<const glm::dvec3> polygon, std::vector<uvec3>& triangles);
 

@@ -34,6 +34,17 @@ std::optional<mat4x3> with_thickness(const mat4x3& pose, double share) {
   return invertible(out) ? std::optional(out) : std::nullopt;
 }
 
+mat4x3 set_pose(PutEntity& put, const mat4x3& pose, const std::string& what, Builder& builder) {
+  const auto thick = with_thickness(pose);
+  if (!thick) {
+    builder.warn(fmt::format("{} has a scale without an inverse and is hidden", what));
+    put.visible = false;
+    return mat4x3(1);
+  }
+  if (*thick != mat4x3(1)) put.pose = constant_pose(*thick);
+  return *thick;
+}
+
 quat unit_rotation(const quat& rotation, const std::string& where, Builder& builder) {
   constexpr float kSmallest = 1e-6f;
   const float length = glm::length(rotation);

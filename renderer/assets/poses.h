@@ -13,6 +13,10 @@ namespace heliograph::assets {
 /// it is; nullopt for others.
 [[nodiscard]] std::optional<mat4x3> with_thickness(const mat4x3& pose, double share = 1e-5);
 
+/// Gives an entity its pose, with_thickness(), and returns it. One without an inverse hides the
+/// entity, with a warning that names it by `what`, and is taken as none.
+mat4x3 set_pose(PutEntity& put, const mat4x3& pose, const std::string& what, Builder& builder);
+
 /// Of length 1; one of length 0 turns nothing, with a warning.
 [[nodiscard]] quat unit_rotation(const quat& rotation, const std::string& where, Builder& builder);
 [[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);

@@ -1,7 +1,6 @@
 // STL, ASCII and binary. Equal vertices are welded; shading is flat. Chosen by load.cpp.
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstring>
 #include <unordered_map>
 
@@ -14,15 +13,6 @@ namespace {
 constexpr std::size_t kHeaderBytes = 84;
 constexpr std::size_t kFacetBytes = 50;
 
-using Bits = std::array<u64, 3>;
-struct BitsHash {
-  std::size_t operator()(const Bits& b) const {
-    u64 h = (b[0] ^ b[1] * 0xC2B2AE3D27D4EB4Full) * 0x9E3779B97F4A7C15ull;
-    h ^= h >> 29;
-    return std::size_t((h ^ b[2]) * 0xBF58476D1CE4E5B9ull);
-  }
-};
-
 /// Makes one vertex of equal positions.
 class Welder {
  public:
@@ -31,8 +21,7 @@ class Welder {
       refuse(where, "a vertex is not finite");
     }
     p += 0.0;  // -0 equals 0
-    const Bits bits{std::bit_cast<u64>(p.x), std::bit_cast<u64>(p.y), std::bit_cast<u64>(p.z)};
-    const auto [at, is_new] = known_.try_emplace(bits, u32(model.positions.size()));
+    const auto [at, is_new] = known_.try_emplace(p, u32(model.positions.size()));
     if (is_new) model.positions.push_back(p);
     return at->second;
   }
@@ -40,7 +29,7 @@ class Welder {
   Model model{.mesh = {}, .positions = {}, .materials = {}, .where = "facets"};
 
  private:
-  std::unordered_map<Bits, u32, BitsHash> known_;
+  std::unordered_map<glm::dvec3, u32, VertexHash> known_;
 };
 
 u32 facets_of(std::span<const std::byte> bytes) {

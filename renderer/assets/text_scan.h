@@ -55,6 +55,15 @@ namespace heliograph::assets {
   return text.starts_with(kMark) ? text.substr(kMark.size()) : text;
 }
 
+/// A number that is the whole word, as a T holds it.
+template <class T>
+[[nodiscard]] std::optional<T> parse(std::string_view word) {
+  T value{};
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  const bool whole = error == std::errc() && end == word.data() + word.size();
+  return whole ? std::optional(value) : std::nullopt;
+}
+
 /// A number that is the whole word and that f32 can hold.
 [[nodiscard]] inline std::optional<double> parse_double(std::string_view word) {
   if (word.starts_with('+')) word.remove_prefix(1);

@@ -113,20 +113,18 @@ void load_volume(Builder& builder) {
   const Ref ref = builder.library(
       builder.claim_name(stem, "volume"),
       read_file(builder, [&](VolumeFile& file) { return to_volume(builder, file); }));
-  PutEntity root;
   const float metres = builder.options.units > 0 ? float(builder.options.units) : 1.0f;
   const mat3 turned = z_up_from(builder.options.up) * metres;
-  if (turned == mat3(1)) {
-    root.volume = ref;
-    builder.entity("", std::move(root));
-    return;
+  PutEntity shown;
+  shown.volume = ref;
+  std::string name;
+  if (turned != mat3(1)) {
+    // Voxels cannot be rewritten, so axes and units go into an entity below the root.
+    shown.parent = builder.entity_ref(builder.entity("", PutEntity{}));
+    shown.pose = constant_pose(mat4x3(turned));
+    name = builder.claim_name("volume", "volume");
   }
-  // Voxels cannot be rewritten, so axes and units go into an entity below the root.
-  PutEntity below;
-  below.parent = builder.entity_ref(builder.entity("", std::move(root)));
-  below.volume = ref;
-  below.pose = constant_pose(mat4x3(turned[0], turned[1], turned[2], vec3(0)));
-  builder.entity(builder.claim_name("volume", "volume"), std::move(below));
+  builder.entity(name, std::move(shown));
 }
 
 }  // namespace heliograph::assets

@@ -2,6 +2,7 @@
 // sample (i, j, k) lies at that place. Used by the readers of .nvdb and .vdb.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <span>
@@ -12,6 +13,26 @@
 #include "renderer/scene/components.h"
 
 namespace heliograph::assets {
+
+/// Of a value of either library: a number, or a vector of three.
+template <class Value>
+constexpr u32 kChannelsOf = requires(Value value) { value[0]; } ? 3 : 1;
+template <class Value>
+std::array<float, 3> components(const Value& value) {
+  if constexpr (kChannelsOf<Value> == 3) {
+    return {float(value[0]), float(value[1]), float(value[2])};
+  } else {
+    return {float(value)};
+  }
+}
+/// The values of a library's leaf, one by one.
+template <class Leaf>
+void write_leaf(const void* node, float* out) {
+  constexpr u32 kChannels = kChannelsOf<typename Leaf::ValueType>;
+  const Leaf& leaf = *static_cast<const Leaf*>(node);
+  for (u32 i = 0; i < kBrickVoxels; ++i)
+    std::copy_n(components(leaf.getValue(i)).data(), kChannels, out + i * kChannels);
+}
 
 /// What values mean, and where they lie.
 struct GridLook {

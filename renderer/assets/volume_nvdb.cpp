@@ -20,23 +20,6 @@ constexpr u64 kFileMagic = 0x324244566f6e614eull;  // "NanoVDB2", of files since
 constexpr u32 kMajor = NANOVDB_MAJOR_VERSION_NUMBER;
 constexpr u32 kLongestName = 1 << 16;
 
-template <class Value>
-std::array<float, 3> components(const Value& value) {
-  if constexpr (nanovdb::TensorTraits<Value>::IsVector) {
-    return {float(value[0]), float(value[1]), float(value[2])};
-  } else {
-    return {float(value)};
-  }
-}
-
-template <class Leaf>
-void write_leaf(const void* node, float* out) {
-  constexpr u32 kChannels = nanovdb::TensorTraits<typename Leaf::ValueType>::IsVector ? 3 : 1;
-  const Leaf& leaf = *static_cast<const Leaf*>(node);
-  for (u32 i = 0; i < kBrickVoxels; ++i)
-    std::copy_n(components(leaf.getValue(i)).data(), kChannels, out + i * kChannels);
-}
-
 /// The nodes of one grid.
 template <class Build>
 class Nodes {
@@ -227,15 +210,14 @@ class NvdbFile final : public VolumeFile {
       refuse(name, "is not a NanoVDB grid");
     const Nodes<Build> nodes(bytes, name);
     const float background = components(nodes.root().mBackground)[0];
-    const GridLook look{
-        .channels =
-            nanovdb::TensorTraits<typename Nodes<Build>::Leaf::ValueType>::IsVector ? 3u : 1u,
-        .level_set = grid.mGridClass == nanovdb::GridClass::LevelSet,
-        .background = std::abs(background),
-        .object_from_index = to_glm(grid.mMap)};
+    using Leaf = typename Nodes<Build>::Leaf;
+    const GridLook look{.channels = kChannelsOf<typename Leaf::ValueType>,
+                        .level_set = grid.mGridClass == nanovdb::GridClass::LevelSet,
+                        .background = std::abs(background),
+                        .object_from_index = to_glm(grid.mMap)};
     Bricks bricks(name, look, budget_);
     nodes.gather(bricks);
-    use(bricks, write_leaf<typename Nodes<Build>::Leaf>);
+    use(bricks, write_leaf<Leaf>);
   }
 
   const u64 size_;

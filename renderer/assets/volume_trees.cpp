@@ -4,34 +4,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace heliograph::assets {
 namespace {
 
 namespace vdb = openvdb;
 
-template <class Value>
-std::array<float, 3> components(const Value& value) {
-  if constexpr (vdb::VecTraits<Value>::IsVec) {
-    return {float(value[0]), float(value[1]), float(value[2])};
-  } else {
-    return {float(value)};
-  }
-}
-
 ivec3 to_glm(const vdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
 
-template <class Leaf>
-void write_leaf(const void* node, float* out) {
-  const Leaf& leaf = *static_cast<const Leaf*>(node);
-  if constexpr (std::is_same_v<typename Leaf::ValueType, float>) {
-    std::memcpy(out, leaf.buffer().data(), kBrickVoxels * sizeof(float));
-  } else {
-    constexpr u32 kChannels = vdb::VecTraits<typename Leaf::ValueType>::Size;
-    for (u32 i = 0; i < kBrickVoxels; ++i)
-      std::copy_n(components(leaf.getValue(i)).data(), kChannels, out + i * kChannels);
-  }
+/// write_leaf() of the type that most files have, at once.
+void copy_leaf(const void* node, float* out) {
+  const auto& leaf = *static_cast<const vdb::FloatTree::LeafNodeType*>(node);
+  std::copy_n(leaf.buffer().data(), kBrickVoxels, out);
 }
 
 template <class Tiles>
@@ -59,7 +43,7 @@ void use_bricks_of(const GridType& grid, const std::string& name, Budget& budget
   using Value = typename GridType::ValueType;
   const bool level_set =
       std::is_floating_point_v<Value> && grid.getGridClass() == vdb::GRID_LEVEL_SET;
-  const GridLook look{.channels = u32(vdb::VecTraits<Value>::Size),
+  const GridLook look{.channels = kChannelsOf<Value>,
                       .level_set = level_set,
                       .background = std::abs(components(grid.background())[0]),
                       .object_from_index = to_glm(grid.transform())};
@@ -71,7 +55,7 @@ void use_bricks_of(const GridType& grid, const std::string& name, Budget& budget
   } else {
     add_tiles(grid.tree().cbeginValueOn(), bricks);
   }
-  use(bricks, write_leaf<Leaf>);
+  use(bricks, std::is_same_v<Value, float> ? copy_leaf : write_leaf<Leaf>);
 }
 
 /// What a frustum covers, in voxels as large as those in the middle of what is active.

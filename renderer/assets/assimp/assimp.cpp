@@ -40,11 +40,7 @@ class Maker {
   }
 
   std::map<std::string, Placed> make() {
-    const u32 root = builder_.entity("", PutEntity{});
-    PutEntity turned;
-    turned.parent = builder_.entity_ref(root);
-    turned.pose = constant_pose(world_);
-    z_up_ = builder_.entity(builder_.claim_name("z_up", "z_up"), std::move(turned));
+    z_up_ = builder_.turned_root(world_);
     add(*scene_.mRootNode, z_up_, mat4x3(1));
     for (const Skinned& skinned : skinned_) add_skinned(skinned);
     for (u32 i = 0; i < scene_.mNumLights; ++i) add_light(*scene_.mLights[i]);
@@ -66,17 +62,9 @@ class Maker {
 
   void add(const aiNode& node, u32 parent, const mat4x3& above) {
     const std::string name = text_of(node.mName);
-    const mat4x3 local = local_of(node);
-    PutEntity put;
-    put.parent = builder_.entity_ref(parent);
-    const auto pose = with_thickness(local);
-    if (!pose) {
-      builder_.warn(fmt::format("node '{}' has a scale without an inverse and is hidden",
-                                clean_name(name, "?")));
-      put.visible = false;
-    } else if (*pose != mat4x3(1)) {
-      put.pose = constant_pose(*pose);
-    }
+    PutEntity put{.parent = builder_.entity_ref(parent)};
+    const std::string what = fmt::format("node '{}'", clean_name(name, "?"));
+    const mat4x3 pose = set_pose(put, local_of(node), what, builder_);
     const auto found = shapes_.find(&node);
     const std::vector<const Shape*> none;
     const auto& shapes = found == shapes_.end() ? none : found->second;
@@ -85,7 +73,7 @@ class Maker {
     const u32 entity = builder_.entity(names_.at(&node), std::move(put));
     Placed& placed = placed_[name];
     placed = {&node, entity, {}};
-    scene_poses_[&node] = affine_product(above, pose.value_or(mat4x3(1)));
+    scene_poses_[&node] = affine_product(above, pose);
     if (own && !shapes[0]->morph_weights.empty())
       placed.morphs.emplace_back(entity, shapes[0]->morph_weights);
     for (const Shape* shape : own ? none : shapes) add_below(*shape, name, entity, placed);
@@ -98,8 +86,7 @@ class Maker {
       skinned_.push_back({name, &shape});
       return;
     }
-    PutEntity put;
-    put.parent = builder_.entity_ref(parent);
+    PutEntity put{.parent = builder_.entity_ref(parent)};
     show(shape, put);
     const u32 entity = builder_.entity(builder_.claim_name(name, "mesh"), std::move(put));
     if (!shape.morph_weights.empty()) placed.morphs.emplace_back(entity, shape.morph_weights);
@@ -115,8 +102,7 @@ class Maker {
   /// After all joints. The pose is where the bind pose puts the mesh, so that its box at rest lies
   /// around it.
   void add_skinned(const Skinned& skinned) {
-    PutEntity put;
-    put.parent = builder_.entity_ref(z_up_);
+    PutEntity put{.parent = builder_.entity_ref(z_up_)};
     show(*skinned.shape, put);
     SkinPatch skin{.joints = {}, .inverse_binds = skinned.shape->inverse_binds};
     for (std::size_t i = 0; i < skin.inverse_binds.size(); ++i)
@@ -144,10 +130,9 @@ class Maker {
       refuse(fmt::format("bone '{}'", clean), "its bind pose has no inverse");
     const mat4x3 bind = mat4x3(glm::inverse(mat4(inverse_bind)));
     joint_poses_[name] = affine_product(scene_poses_.at(placed_.at(skinned.name).node), bind);
-    PutEntity put;
-    put.parent = builder_.entity_ref(z_up_);
-    put.pose = constant_pose(joint_poses_[name]);
-    return builder_.entity_ref(builder_.entity(builder_.claim_name(name, "joint"), std::move(put)));
+    return builder_.entity_ref(builder_.entity(
+        builder_.claim_name(name, "joint"),
+        {.parent = builder_.entity_ref(z_up_), .pose = constant_pose(joint_poses_[name])}));
   }
 
   /// A frame at `position` whose -Z looks along `direction`.
@@ -217,9 +202,7 @@ class Maker {
     const mat4x3 own =
         looking(vector_of(from.mPosition), vector_of(from.mLookAt), vector_of(from.mUp));
     const Place place = place_of(*placed, own);
-    PutEntity put;
-    put.parent = builder_.entity_ref(place.entity);
-    put.pose = constant_pose(place.pose);
+    PutEntity put{.parent = builder_.entity_ref(place.entity), .pose = constant_pose(place.pose)};
     put.camera =
         is_seeing ? perspective_camera(2 * std::atan(std::tan(half) / aspect), aspect)
                   : orthographic_camera(from.mOrthographicWidth, from.mOrthographicWidth / aspect);

@@ -6,6 +6,7 @@
 #include <array>
 #include <assimp/DefaultLogger.hpp>
 #include <cmath>
+#include <pugixml.hpp>
 
 #include "renderer/assets/assimp/scene.h"
 #include "renderer/assets/text_scan.h"
@@ -91,17 +92,13 @@ double metres_of(std::string_view unit) {
   return 1e-3;
 }
 
-/// The value of `unit` in the first element of an XML.
-std::string unit_of(std::string_view head, std::string_view element) {
-  constexpr std::string_view kKey = " unit=";
-  const std::size_t start = head.find(element);
-  if (start == head.npos) return "";
-  head = head.substr(start, head.find('>', start) - start);
-  const std::size_t key = head.find(kKey);
-  if (key == head.npos || key + kKey.size() >= head.size()) return "";
-  head = head.substr(key + kKey.size());
-  const char quote = head.front();
-  return lower(head.substr(1, head.find(quote, 1) - 1));
+/// The value of `unit` in the first element of an XML, which may be cut off behind it.
+std::string unit_of(std::string_view head, const std::string& element) {
+  const std::size_t start = std::min(head.find("<" + element), head.size());
+  head = head.substr(start, head.find('>', start) + 1 - start);
+  pugi::xml_document xml;
+  (void)xml.load_buffer(head.data(), head.size());
+  return lower(xml.child(element.c_str()).attribute("unit").value());
 }
 
 /// The beginning of a 3MF's model.
@@ -132,8 +129,8 @@ double unit_of_fbx(const aiScene& scene) {
 double metres_of_model(const aiScene& scene, const Builder& builder) {
   const std::string& format = builder.format;
   const std::span<const std::byte> bytes = builder.bundle.model().bytes;
-  if (format == "3mf") return metres_of(unit_of(head_of_3mf(bytes), "<model"));
-  if (format == "amf") return metres_of(unit_of(as_text(bytes), "<amf"));
+  if (format == "3mf") return metres_of(unit_of(head_of_3mf(bytes), "model"));
+  if (format == "amf") return metres_of(unit_of(as_text(bytes), "amf"));
   return format == "fbx" ? 0.01 * unit_of_fbx(scene) : 1;
 }
 

@@ -47,7 +47,7 @@ class Reader {
     colors(put);
     surface(put);
     opacity(put);
-    map(put.normal_map, {aiTextureType_NORMALS, aiTextureType_NORMAL_CAMERA}, false);
+    put.normal_map = map({aiTextureType_NORMALS, aiTextureType_NORMAL_CAMERA}, false);
     if (material_.GetTextureCount(aiTextureType_HEIGHT) > 0)
       warn("has a bump map, which is left out");
     return put;
@@ -81,13 +81,11 @@ class Reader {
 
   void colors(PutMaterial& put) {
     constexpr float kBrightest = 1e9f;
-    Boxed<TextureUsePatch>& base = put.parameters[std::size_t(base_color)].texture;
-    map(base, {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE}, true);
+    const auto& base = map(put, base_color, {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE});
     auto diffuse = color(AI_MATKEY_BASE_COLOR);
     if (!diffuse) diffuse = color(AI_MATKEY_COLOR_DIFFUSE);
     set(put, base_color, factor(bool(base), diffuse.value_or(vec3(0.8f))));
-    Boxed<TextureUsePatch>& glow = put.parameters[std::size_t(emission)].texture;
-    map(glow, {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE}, true);
+    const auto& glow = map(put, emission, {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE});
     const vec3 emissive = color(AI_MATKEY_COLOR_EMISSIVE).value_or(vec3(0));
     const float strength = number(AI_MATKEY_EMISSIVE_INTENSITY).value_or(1);
     if (glow || emissive != vec3(0))
@@ -95,14 +93,12 @@ class Reader {
   }
 
   void surface(PutMaterial& put) {
-    Boxed<TextureUsePatch>& rough = put.parameters[std::size_t(roughness)].texture;
-    map(rough, {aiTextureType_DIFFUSE_ROUGHNESS}, false);
+    const auto& rough = map(put, roughness, {aiTextureType_DIFFUSE_ROUGHNESS});
     const auto given = number(AI_MATKEY_ROUGHNESS_FACTOR);
     const auto shininess = number(AI_MATKEY_SHININESS);
     const float phong = shininess ? roughness_of(*shininess) : 0.5f;
     set(put, roughness, vec3(rough ? 1 : given.value_or(phong)));
-    Boxed<TextureUsePatch>& metal = put.parameters[std::size_t(metallic)].texture;
-    map(metal, {aiTextureType_METALNESS}, false);
+    const auto& metal = map(put, metallic, {aiTextureType_METALNESS});
     auto metalness = number(AI_MATKEY_METALLIC_FACTOR);
     if (!metalness && is_of_blender()) metalness = number(AI_MATKEY_REFLECTIVITY);
     set(put, metallic, vec3(metal ? 1 : metalness.value_or(0)));
@@ -121,8 +117,7 @@ class Reader {
   }
 
   void opacity(PutMaterial& put) {
-    Boxed<TextureUsePatch>& texture = put.parameters[std::size_t(alpha)].texture;
-    map(texture, {aiTextureType_OPACITY}, false);
+    auto& texture = map(put, alpha, {aiTextureType_OPACITY});
     float visible = number(AI_MATKEY_OPACITY).value_or(1);
     if (visible <= 0) {
       warn("is wholly transparent and taken as opaque");
@@ -135,14 +130,19 @@ class Reader {
   }
 
   /// The first map of the first kind that there is.
-  void map(Boxed<TextureUsePatch>& out, std::initializer_list<aiTextureType> kinds, bool srgb) {
+  Boxed<TextureUsePatch> map(std::initializer_list<aiTextureType> kinds, bool srgb) {
     for (const aiTextureType kind : kinds) {
       const u32 count = material_.GetTextureCount(kind);
       if (count == 0) continue;
       if (count > 1) warn("has several maps of one kind: the first is taken");
-      out = use(kind, srgb);
-      return;
+      return use(kind, srgb);
     }
+    return {};
+  }
+  /// Colours are sRGB.
+  Boxed<TextureUsePatch>& map(PutMaterial& put, MaterialParameter p,
+                              std::initializer_list<aiTextureType> kinds) {
+    return put.parameters[std::size_t(p)].texture = map(kinds, p == base_color || p == emission);
   }
 
   Boxed<TextureUsePatch> use(aiTextureType kind, bool srgb) {

@@ -90,7 +90,6 @@ class Merger {
       cut.assign(1, uvec3(0, 1, 2));
       if (indices.size() > 3) {
         corners.clear();
-        cut.clear();
         for (const u32 i : indices) corners.push_back(vector_of(mesh.mVertices[i]));
         triangulate(corners, cut);
       }

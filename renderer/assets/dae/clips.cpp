@@ -33,10 +33,9 @@ std::optional<u32> index_of_member(std::string_view tag, std::string_view member
   for (u32 step = 1; !member.empty(); step *= 4) {  // of a matrix, column and row
     const std::size_t end = member.find(')');
     if (!member.starts_with('(') || end == member.npos || step > 4) return std::nullopt;
-    u32 number = 0;
-    const auto [at, error] = std::from_chars(member.data() + 1, member.data() + end, number);
-    if (error != std::errc() || at != member.data() + end || number > 0xffff) return std::nullopt;
-    index += number * step;
+    const auto number = parse<u32>(member.substr(1, end - 1));
+    if (!number || *number > 0xffff) return std::nullopt;
+    index += *number * step;
     member.remove_prefix(end + 1);
   }
   return index;
@@ -89,15 +88,14 @@ class Loader {
     std::vector<Node> tops;
     for (const Node& library : document_.root().children("library_animations"))
       for (const Node& animation : library.children("animation")) tops.push_back(animation);
-    if (tops.size() == 1) clip.name = name_of(tops[0], clip.name);
+    if (tops.size() == 1) clip.name = clean_name(name_of(tops[0]), clip.name);
     for (const Node& animation : tops) add_animation(animation, clip);
     keep(std::move(clip));
   }
 
   void add_clip(const Node& element) {
     had_clips_ = true;
-    const std::string fallback = fmt::format("animation_{}", clips_.size());
-    Clip clip{.name = name_of(element, fallback),
+    Clip clip{.name = clean_name(name_of(element), fmt::format("animation_{}", clips_.size())),
               .start = time_of(element, "start", -kForever),
               .end = time_of(element, "end", kForever),
               .channels = {}};
@@ -111,11 +109,6 @@ class Loader {
 
   void keep(Clip clip) {
     if (!clip.channels.empty()) clips_.push_back(std::move(clip));
-  }
-
-  static std::string name_of(const Node& element, const std::string& fallback) {
-    const std::string_view name = element.attribute("name").value();
-    return clean_name(name.empty() ? element.attribute("id").value() : name, fallback);
   }
 
   static double time_of(const Node& element, const char* key, double absent) {
@@ -186,9 +179,7 @@ class Loader {
   }
 
   static Node below(const Node& node, std::string_view sid) {
-    for (const Node& child : node.children())
-      if (std::string_view(child.attribute("sid").value()) == sid) return child;
-    return {};
+    return node.find_child_by_attribute("sid", std::string(sid).c_str());
   }
 
   std::optional<Target> weights_of(const Node& morph, std::string_view member) const {

@@ -26,13 +26,13 @@ class Reader {
 
   void read_skin(const Node& skin) {
     const Node joints = skin.child("joints");
-    out_.joints = names_of(needed(joints, "JOINT"));
+    out_.joints = names_of(needed_input(joints, "JOINT"));
     if (out_.joints.empty()) refuse(place(skin), "names no joints");
     Budget::check(out_.joints.size(), kMostJoints, "joints", place(skin));
     if (const Node bind = skin.child("bind_shape_matrix"))
       out_.bind = matrix_of(read_floats(bind, 16, builder_.budget), bind);
     const std::vector<float> binds =
-        read_rows(document_, needed(joints, "INV_BIND_MATRIX"), 16, builder_.budget);
+        read_rows(document_, needed_input(joints, "INV_BIND_MATRIX"), 16, builder_.budget);
     if (binds.size() != 16 * out_.joints.size())
       refuse(place(skin), fmt::format("has {} joints, but {} numbers of INV_BIND_MATRIX",
                                       out_.joints.size(), binds.size()));
@@ -44,15 +44,16 @@ class Reader {
 
   void read_weights(const Node& element, const Node& joints) {
     const std::string where = place(element);
-    const Node joint = needed(element, "JOINT"), weight = needed(element, "WEIGHT");
+    const Node joint = needed_input(element, "JOINT"), weight = needed_input(element, "WEIGHT");
     const std::vector<float> weights = read_rows(document_, weight, 1, builder_.budget);
-    const std::vector<u32> own = joints_of(joint, needed(joints, "JOINT"));
+    const std::vector<u32> own = joints_of(joint, needed_input(joints, "JOINT"));
     const u32 joint_at = offset_of(joint), weight_at = offset_of(weight);
     u64 stride = 1;
     for (const Node& input : element.children("input"))
       stride = std::max<u64>(stride, offset_of(input) + 1);
     const std::vector<u32> counts = read_indices(element.child("vcount"), builder_.budget);
-    const std::vector<u32> indices = influences_of(element.child("v"));
+    // -1: the geometry as it is bound.
+    const std::vector<u32> indices = read_indices(element.child("v"), builder_.budget, true);
     builder_.budget.take(counts.size(), sizeof(vec4) + sizeof(glm::u16vec4), where);
     std::vector<Influence> influences;
     u64 at = 0;
@@ -76,19 +77,6 @@ class Reader {
     if (influences.size() > 4)
       builder_.warn("vertices follow more than 4 joints; the 4 strongest are kept");
     keep_strongest(influences, out_.skin);
-  }
-
-  static constexpr u32 kNone = ~0u;  // the file's -1: the geometry as it is bound
-
-  std::vector<u32> influences_of(const Node& element) {
-    std::string_view text = element.text().get();
-    std::vector<u32> out;
-    const std::string where = place(element);
-    for (std::string_view word = take_word(text); !word.empty(); word = take_word(text)) {
-      builder_.budget.take(1, sizeof(u32), where);
-      out.push_back(word == "-1" ? kNone : index_of(word, where));
-    }
-    return out;
   }
 
   /// Weights may number joints in an order of their own.
@@ -118,7 +106,7 @@ class Reader {
     const Node targets = morph.child("targets");
     const bool relative = std::string_view(morph.attribute("method").value()) == "RELATIVE";
     const std::vector<float> base = positions_of(geometry);
-    for (const std::string& name : names_of(needed(targets, "MORPH_TARGET"))) {
+    for (const std::string& name : names_of(needed_input(targets, "MORPH_TARGET"))) {
       const std::vector<float> target =
           positions_of(document_.linked("#" + name, "geometry", where));
       if (target.size() != base.size())
@@ -130,7 +118,8 @@ class Reader {
         out.push_back(vec3(target[i], target[i + 1], target[i + 2]) - (relative ? vec3(0) : from));
       }
     }
-    out_.target_weights = read_rows(document_, needed(targets, "MORPH_WEIGHT"), 1, builder_.budget);
+    out_.target_weights =
+        read_rows(document_, needed_input(targets, "MORPH_WEIGHT"), 1, builder_.budget);
     if (out_.target_weights.size() != out_.targets.size())
       refuse(where, fmt::format("has {} targets, but {} weights", out_.targets.size(),
                                 out_.target_weights.size()));
@@ -138,24 +127,10 @@ class Reader {
 
   std::vector<float> positions_of(const Node& geometry) {
     const Node vertices = geometry.child("mesh").child("vertices");
-    return read_rows(document_, needed(vertices, "POSITION"), 3, builder_.budget);
+    return read_rows(document_, needed_input(vertices, "POSITION"), 3, builder_.budget);
   }
 
   // ---------------------------------------------------------------- elements
-
-  static Node needed(const Node& element, std::string_view semantic) {
-    const Node found = input_of(element, semantic);
-    if (!found)
-      refuse(place(element), fmt::format("<{}> has no <input> of {}", element.name(), semantic));
-    return found;
-  }
-
-  static u32 offset_of(const Node& input) {
-    constexpr u32 kMost = 64;
-    const u32 offset = whole_attribute(input, "offset", 0);
-    if (offset >= kMost) refuse(place(input), "an <input> has an offset above 63");
-    return offset;
-  }
 
   std::vector<std::string> names_of(const Node& input) const {
     return read_names(document_, input, builder_.budget);
@@ -168,10 +143,15 @@ class Reader {
 
 }  // namespace
 
-Node input_of(const Node& element, std::string_view semantic) {
-  for (const Node& input : element.children("input"))
-    if (std::string_view(input.attribute("semantic").value()) == semantic) return input;
-  return {};
+Node input_of(const Node& element, const char* semantic) {
+  return element.find_child_by_attribute("input", "semantic", semantic);
+}
+
+Node needed_input(const Node& element, const char* semantic) {
+  const Node found = input_of(element, semantic);
+  if (!found)
+    refuse(place(element), fmt::format("<{}> has no <input> of {}", element.name(), semantic));
+  return found;
 }
 
 std::vector<std::string> read_names(const Document& document, const Node& input, Budget& budget) {

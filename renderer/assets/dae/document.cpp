@@ -24,13 +24,11 @@ struct Indexer : pugi::xml_tree_walker {
   }
 };
 
-std::string_view text_of(const Node& node) { return node.text().get(); }
-
 u64 words_in(std::string_view text) {
   u64 count = 0;
   bool within = false;
   for (const char c : text) {
-    const bool blank = c == ' ' || (c >= '\t' && c <= '\r');
+    const bool blank = is_space(c);
     count += !blank && !within;
     within = !blank;
   }
@@ -40,12 +38,12 @@ u64 words_in(std::string_view text) {
 /// The numbers of a node's text, as `take` takes one off it.
 template <class T, class Take>
 std::vector<T> read_all(const Node& node, Budget& budget, const Take& take) {
-  std::string_view text = text_of(node);
+  std::string_view text = node.text().get();
   const u64 count = words_in(text);
-  budget.take(count, sizeof(T), place(node));
+  const std::string where = place(node);
+  budget.take(count, sizeof(T), where);
   std::vector<T> numbers;
   numbers.reserve(count);
-  const std::string where = place(node);
   for (u64 i = 0; i < count; ++i) numbers.push_back(take(text, where));
   return numbers;
 }
@@ -109,6 +107,11 @@ std::string place(const Node& node) {
   return fmt::format("<{}>", clean_name(node.name(), "?"));
 }
 
+std::string_view name_of(const Node& node) {
+  const std::string_view name = node.attribute("name").value();
+  return name.empty() ? node.attribute("id").value() : name;
+}
+
 std::vector<double> read_doubles(const Node& node, Budget& budget) {
   return read_all<double>(node, budget, [](std::string_view& text, const std::string& where) {
     std::string_view ahead = text;
@@ -132,34 +135,31 @@ std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budg
   return numbers;
 }
 
-u32 index_of(std::string_view word, const std::string& where) {
-  u32 value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size())
-    refuse(where, fmt::format("'{}' is no index", clean_name(word, "")));
-  return value;
-}
-
-std::vector<u32> read_indices(const Node& node, Budget& budget) {
-  std::string_view text = text_of(node);
-  const u64 count = words_in(text);
-  const std::string where = place(node);
-  budget.take(count, sizeof(u32), where);
-  std::vector<u32> numbers;
-  numbers.reserve(count);
-  for (u64 i = 0; i < count; ++i) numbers.push_back(index_of(take_word(text), where));
-  return numbers;
+std::vector<u32> read_indices(const Node& node, Budget& budget, bool may_be_none) {
+  return read_all<u32>(node, budget, [&](std::string_view& text, const std::string& where) {
+    const std::string_view word = take_word(text);
+    if (may_be_none && word == "-1") return kNone;
+    const auto index = parse<u32>(word);
+    if (!index) refuse(where, fmt::format("'{}' is no index", clean_name(word, "")));
+    return *index;
+  });
 }
 
 u32 whole_attribute(const Node& node, const char* name, u32 absent) {
   const pugi::xml_attribute attribute = node.attribute(name);
   if (!attribute) return absent;
   const std::string_view text = trimmed(attribute.value());
-  u32 value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size())
+  const auto value = parse<u32>(text);
+  if (!value)
     refuse(place(node), fmt::format("{}=\"{}\" is no whole number", name, clean_name(text, "")));
-  return value;
+  return *value;
+}
+
+u32 offset_of(const Node& input) {
+  constexpr u32 kMost = 64;
+  const u32 offset = whole_attribute(input, "offset", 0);
+  if (offset >= kMost) refuse(place(input), "an <input> has an offset above 63");
+  return offset;
 }
 
 }  // namespace heliograph::assets::dae

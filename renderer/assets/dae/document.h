@@ -25,7 +25,7 @@ class Document {
   explicit Document(Builder& builder);
 
   [[nodiscard]] Node root() const { return xml_.document_element(); }
-  /// The element that "#id" names, of one of the two tags; refuses what is not there.
+  /// The element of this tag that "#id" names; refuses what is not there.
   [[nodiscard]] Node linked(std::string_view url, const char* tag, const std::string& where) const;
   [[nodiscard]] Node find(std::string_view id, const char* tag) const;  // null when it is not there
 
@@ -36,6 +36,8 @@ class Document {
 
 /// "geometry 'wheel'", for messages.
 [[nodiscard]] std::string place(const Node& node);
+/// Its name, else its id.
+[[nodiscard]] std::string_view name_of(const Node& node);
 
 /// All numbers of an <float_array>; what a program wrote for a number that is none is NaN.
 [[nodiscard]] std::vector<double> read_doubles(const Node& node, Budget& budget);
@@ -43,10 +45,13 @@ class Document {
 [[nodiscard]] std::vector<float> read_floats(const Node& node, Budget& budget);
 /// As many as are asked for.
 [[nodiscard]] std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budget);
-[[nodiscard]] u32 index_of(std::string_view word, const std::string& where);
-[[nodiscard]] std::vector<u32> read_indices(const Node& node, Budget& budget);
+inline constexpr u32 kNone = ~0u;  // an index that the file gives as -1, or not at all
+[[nodiscard]] std::vector<u32> read_indices(const Node& node, Budget& budget,
+                                            bool may_be_none = false);
 /// An attribute that is a whole number; refuses others.
 [[nodiscard]] u32 whole_attribute(const Node& node, const char* name, u32 absent);
+/// Where an <input>'s index stands among those of a corner or an influence.
+[[nodiscard]] u32 offset_of(const Node& input);
 
 // materials.cpp
 /// A material of the document, once for each that geometries use: <material> element to library.
@@ -98,7 +103,8 @@ struct Deformation {
                                            Budget& budget);
 [[nodiscard]] std::vector<std::string> read_names(const Document& document, const Node& input,
                                                   Budget& budget);
-[[nodiscard]] Node input_of(const Node& element, std::string_view semantic);  // null: it has none
+[[nodiscard]] Node input_of(const Node& element, const char* semantic);      // null: it has none
+[[nodiscard]] Node needed_input(const Node& element, const char* semantic);  // refused: it has none
 
 // deform.cpp
 /// The rows of sources that a vertex is of.

@@ -11,8 +11,6 @@
 namespace heliograph::assets::dae {
 namespace {
 
-constexpr u32 kNone = ~0u;
-
 /// What an <input> refers to: rows of numbers.
 struct Source {
   const std::vector<double>* numbers = nullptr;
@@ -47,13 +45,6 @@ struct Corner {
   u32 primitive = 0;
   std::array<u32, kAttributes> rows{kNone, kNone, kNone, kNone};
   bool operator==(const Corner&) const = default;
-};
-struct CornerHash {
-  std::size_t operator()(const Corner& c) const {
-    u64 h = c.primitive;
-    for (const u32 row : c.rows) h = (h ^ row) * 0x9E3779B97F4A7C15ull, h ^= h >> 29;
-    return std::size_t(h);
-  }
 };
 
 std::optional<Attribute> attribute_of(std::string_view semantic) {
@@ -95,11 +86,8 @@ class Reader {
     if (out_.deformation) deform(mesh_, *out_.deformation, rows_, builder_.budget);
     for (std::size_t i = 0; i < out_.symbols.size(); ++i)
       mesh_.part_names.push_back(clean_name(out_.symbols[i], fmt::format("part_{}", i)));
-    const std::string_view name = geometry_.attribute("name").value();
-    const std::string claimed =
-        builder_.claim_name(name.empty() ? geometry_.attribute("id").value() : name, "mesh");
-    out_.mesh =
-        builder_.library(claimed, finish_mesh(std::move(mesh_), where_, builder_.budget).put);
+    const std::string name = builder_.claim_name(name_of(geometry_), "mesh");
+    out_.mesh = builder_.library(name, finish_mesh(std::move(mesh_), where_, builder_.budget).put);
     return std::move(out_);
   }
 
@@ -173,9 +161,7 @@ class Reader {
     ++primitive_;
     u32 uv_set = kNone;
     for (const Node& input : node.children("input")) {
-      const u32 offset = whole_attribute(input, "offset", 0);
-      constexpr u32 kMost = 64;
-      if (offset >= kMost) refuse(where_, "an <input> has an offset above 63");
+      const u32 offset = offset_of(input);
       stride_ = std::max(stride_, offset + 1);
       const std::string_view semantic = input.attribute("semantic").value();
       if (semantic == "VERTEX") {
@@ -238,7 +224,6 @@ class Reader {
     const bool flat = bare && has_normals_;
     any_[kNormal] |= !bare;
     if (flat) flat_normal_ = normal_of(polygon_);
-    local_.clear();
     triangulate(polygon_, local_);
     Budget::check(mesh_.triangles.size() + local_.size(), builder_.options.limits.triangles,
                   "triangles", where_);
@@ -305,7 +290,7 @@ class Reader {
   std::map<Node, std::vector<double>> arrays_;
   Inputs inputs_;
   u32 stride_ = 1, part_ = 0, primitive_ = 0;
-  std::unordered_map<Corner, u32, CornerHash> vertices_;
+  std::unordered_map<Corner, u32, VertexHash> vertices_;
   std::vector<Corner> corners_;
   std::vector<glm::dvec3> polygon_, positions_;
   std::vector<uvec3> local_;

@@ -80,16 +80,13 @@ class Reader {
       return Value{{numbers[0], numbers[1], numbers[2], numbers[3]}, {}};
     }
     if (const Node texture = node.child("texture")) {
-      Value found{vec4(1), use(texture.attribute("texture").value(), srgb, place(texture))};
-      return found;
+      return Value{vec4(1), use(texture.attribute("texture").value(), srgb, place(texture))};
     }
     return std::nullopt;
   }
 
   Node parameter(std::string_view sid) const {
-    for (const Node& node : profile_.children("newparam"))
-      if (std::string_view(node.attribute("sid").value()) == sid) return node;
-    return {};
+    return profile_.find_child_by_attribute("newparam", "sid", std::string(sid).c_str());
   }
 
   /// By a sampler and its surface, or by the image itself.
@@ -164,10 +161,8 @@ Materials load_materials(const Document& document, Builder& builder,
     const Node instance = material.child("instance_effect");
     const Node effect =
         document.linked(instance.attribute("url").value(), "effect", place(material));
-    const std::string_view name = material.attribute("name").value();
-    puts.emplace_back(
-        builder.claim_name(name.empty() ? material.attribute("id").value() : name, "material"),
-        Reader(document, builder, textures, effect).read());
+    puts.emplace_back(builder.claim_name(name_of(material), "material"),
+                      Reader(document, builder, textures, effect).read());
   }
   Materials out;
   if (!builder.complete()) return out;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <set>
+#include <tuple>
 
 #include "renderer/assets/dae/document.h"
 #include "renderer/assets/dae/transforms.h"
@@ -11,17 +12,6 @@
 namespace heliograph::assets::dae {
 namespace {
 
-std::string_view name_of(const Node& node) {
-  const std::string_view name = node.attribute("name").value();
-  return name.empty() ? node.attribute("id").value() : name;
-}
-
-void check_finite(const mat4x3& pose, const Node& node) {
-  for (int column = 0; column < 4; ++column)
-    if (!std::isfinite(glm::dot(pose[column], vec3(1))))
-      refuse(place(node), "its transforms reach beyond what f32 can hold");
-}
-
 /// Nodes of the scene by what names them.
 class Joints {
  public:
@@ -29,7 +19,7 @@ class Joints {
     for (u32 i = 0; i < nodes.size(); ++i)
       for (const char* key : kKeys)
         if (const pugi::xml_attribute own = nodes[i].node.attribute(key))
-          by_[key][own.value()].push_back(i);
+          known_.emplace(key, own.value(), i);
   }
 
   /// By sid, id or name; below the skeletons of the instance if there is one.
@@ -46,7 +36,6 @@ class Joints {
 
  private:
   static constexpr std::array<const char*, 3> kKeys = {"sid", "id", "name"};
-  using Known = std::unordered_map<std::string_view, std::vector<u32>>;
 
   [[nodiscard]] std::optional<u32> below(std::string_view name, u32 begin, u32 end) const {
     for (const char* key : kKeys)
@@ -55,16 +44,13 @@ class Joints {
   }
   [[nodiscard]] std::optional<u32> within(const char* key, std::string_view name, u32 begin,
                                           u32 end) const {
-    const auto known = by_.find(key);
-    if (known == by_.end()) return std::nullopt;
-    const auto all = known->second.find(name);
-    if (all == known->second.end()) return std::nullopt;
-    const auto first = std::ranges::lower_bound(all->second, begin);
-    return first != all->second.end() && *first < end ? std::optional(*first) : std::nullopt;
+    const auto first = known_.lower_bound({key, name, begin});
+    if (first == known_.end() || *first >= std::tuple(key, name, end)) return std::nullopt;
+    return std::get<u32>(*first);
   }
 
   const std::vector<Placed>& nodes_;
-  std::map<std::string_view, Known> by_;
+  std::set<std::tuple<std::string_view, std::string_view, u32>> known_;  // key, name, node
 };
 
 /// Keys of one node: its transformations, some of them with the numbers of channels.
@@ -142,11 +128,7 @@ class Maker {
   }
 
   void make(std::vector<std::optional<Look>> looks, const mat4x3& world) {
-    const u32 root = builder_.entity("", PutEntity{});
-    PutEntity turned;
-    turned.parent = builder_.entity_ref(root);
-    turned.pose = constant_pose(world);
-    z_up_ = builder_.entity(builder_.claim_name("z_up", "z_up"), std::move(turned));
+    z_up_ = builder_.turned_root(world);
     share_nodes(looks);
     for (u32 i = 0; i < scene_.nodes.size(); ++i) add_node(i, looks);
     for (std::size_t i = 0; i < looks.size(); ++i)
@@ -190,27 +172,16 @@ class Maker {
   void add_node(u32 index, std::vector<std::optional<Look>>& looks) {
     const Placed& placed = scene_.nodes[index];
     check_finite(placed.pose, placed.node);
-    PutEntity put;
-    if (const auto& own = shown_by_[index]) put = std::move(looks[*own]->put);
+    const auto& own = shown_by_[index];
+    PutEntity put = own ? std::move(looks[*own]->put) : PutEntity{};
     put.parent = builder_.entity_ref(placed.parent ? entities_[*placed.parent] : z_up_);
-    const auto pose = with_thickness(placed.pose);
-    if (!pose) {
-      builder_.warn(
-          fmt::format("{} has a scale without an inverse and is hidden", place(placed.node)));
-      put.visible = false;
-    } else if (*pose != mat4x3(1)) {
-      put.pose = constant_pose(*pose);
-    }
-    const mat4x3 own = pose.value_or(mat4x3(1));
-    poses_.push_back(placed.parent ? affine_product(poses_[*placed.parent], own) : own);
-    if (const auto& shown = shown_by_[index]) {
-      bend(scene_.shown[*shown], looks[*shown]->geometry, put);
-      entities_.push_back(builder_.entity(names_[index], std::move(put)));
-      note_morph(scene_.shown[*shown], entities_.back());
-      looks[*shown].reset();
-    } else {
-      entities_.push_back(builder_.entity(names_[index], std::move(put)));
-    }
+    const mat4x3 pose = set_pose(put, placed.pose, place(placed.node), builder_);
+    poses_.push_back(placed.parent ? affine_product(poses_[*placed.parent], pose) : pose);
+    if (own) bend(scene_.shown[*own], looks[*own]->geometry, put);
+    entities_.push_back(builder_.entity(names_[index], std::move(put)));
+    if (!own) return;
+    note_morph(scene_.shown[*own], entities_.back());
+    looks[*own].reset();
   }
 
   /// After all joints.

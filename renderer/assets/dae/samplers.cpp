@@ -80,10 +80,8 @@ class Reader {
     u32 each = 0;  // 2: a time and a value of each number, 1: the value; 0: there are none
   };
 
-  std::vector<float> rows(std::string_view semantic, u32 width) {
-    const Node input = input_of(sampler_, semantic);
-    if (!input) refuse(place(sampler_), fmt::format("<sampler> has no <input> of {}", semantic));
-    return read_rows(document_, input, width, builder_.budget);
+  std::vector<float> rows(const char* semantic, u32 width) {
+    return read_rows(document_, needed_input(sampler_, semantic), width, builder_.budget);
   }
 
   void read_kinds() {
@@ -106,7 +104,7 @@ class Reader {
     return Kind::kLinear;
   }
 
-  void read_tangents(std::string_view semantic, Tangents& out) {
+  void read_tangents(const char* semantic, Tangents& out) {
     const Node input = input_of(sampler_, semantic);
     const bool is_needed = std::ranges::any_of(
         kinds_, [](Kind kind) { return kind == Kind::kBezier || kind == Kind::kHermite; });

@@ -1,6 +1,4 @@
 // The scene's nodes, walked down to the geometries they show. Source: COLLADA 1.5.0, chapter 5.
-#include <cmath>
-
 #include "renderer/assets/dae/document.h"
 #include "renderer/assets/dae/transforms.h"
 #include "renderer/assets/text_scan.h"
@@ -63,16 +61,6 @@ class Walker {
     scene_.nodes[index].end = u32(scene_.nodes.size());
   }
 
-  static bool is_finite(const mat4x3& pose) {
-    for (int column = 0; column < 4; ++column)
-      if (!std::isfinite(glm::dot(pose[column], vec3(1)))) return false;
-    return true;
-  }
-
-  std::vector<float> numbers(const Node& node, std::size_t count) {
-    return read_floats(node, count, builder_.budget);
-  }
-
   Node geometry_of(const Node& instance, const Node& node) const {
     return document_.linked(instance.attribute("url").value(), "geometry", place(node));
   }
@@ -108,7 +96,7 @@ class Walker {
 
   mat4x3 scene_from_skinned(const Node& skin) {
     const Node bind = skin.child("bind_shape_matrix");
-    const mat4x3 bound = bind ? matrix_of(numbers(bind, 16), bind) : mat4x3(1);
+    const mat4x3 bound = bind ? matrix_of(read_floats(bind, 16, builder_.budget), bind) : mat4x3(1);
     Node names, inverse_binds;
     for (const Node& input : skin.child("joints").children("input")) {
       const std::string_view semantic = input.attribute("semantic").value();
@@ -161,9 +149,8 @@ class Walker {
   void show(const Node& instance, Shown out) {
     const Node node = instance.parent();
     const std::string where = place(node);
-    if (!is_finite(out.pose)) refuse(where, "its transforms reach beyond what f32 can hold");
-    const std::string_view name = node.attribute("name").value();
-    out.name = std::string(name.empty() ? node.attribute("id").value() : name);
+    check_finite(out.pose, node);
+    out.name = name_of(node);
     const Node bound = instance.child("bind_material").child("technique_common");
     for (const Node& material : bound.children("instance_material")) {
       const std::string_view target = material.attribute("target").value();

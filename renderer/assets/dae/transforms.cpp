@@ -1,5 +1,6 @@
 #include "renderer/assets/dae/transforms.h"
 
+#include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
 namespace heliograph::assets::dae {
@@ -11,6 +12,12 @@ u32 transform_width(const Node& element) {
   if (tag == "matrix") return 16;
   if (tag == "rotate") return 4;
   return tag == "translate" || tag == "scale" ? 3 : 0;
+}
+
+void check_finite(const mat4x3& pose, const Node& node) {
+  for (int column = 0; column < 4; ++column)
+    if (!std::isfinite(glm::dot(pose[column], vec3(1))))
+      refuse(place(node), "its transforms reach beyond what f32 can hold");
 }
 
 mat4x3 matrix_of(std::span<const float> m, const Node& element) {

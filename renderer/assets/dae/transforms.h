@@ -15,6 +15,8 @@ namespace heliograph::assets::dae {
 [[nodiscard]] mat4x3 transform_with(const Node& element, std::span<const float> numbers);
 /// parent_from_child; nullopt: the element is no transformation.
 [[nodiscard]] std::optional<mat4x3> transform_of(const Node& element, Budget& budget);
+/// Refuses a pose with a number that is not.
+void check_finite(const mat4x3& pose, const Node& node);
 /// Of the 16 numbers of a <matrix> or a part of a skin, by rows.
 [[nodiscard]] mat4x3 matrix_of(std::span<const float> numbers, const Node& element);
 

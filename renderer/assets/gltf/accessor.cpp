@@ -28,25 +28,6 @@ T load(const std::byte* at) {
   return value;
 }
 
-/// Calls f with a number of the type, whatever its value.
-template <class F>
-void with_type(Component type, const F& f) {
-  switch (type) {
-    case Component::kI8:
-      return f(std::int8_t());
-    case Component::kU8:
-      return f(u8());
-    case Component::kI16:
-      return f(std::int16_t());
-    case Component::kU16:
-      return f(u16());
-    case Component::kU32:
-      return f(u32());
-    case Component::kF32:
-      return f(float());
-  }
-}
-
 /// Source: glTF 2.0, 3.6.2.2 and 3.11 (normalised integers).
 template <class T>
 float as_float(T number, bool normalized) {
@@ -58,10 +39,10 @@ float as_float(T number, bool normalized) {
   }
 }
 
-u32 component_as_integer(const std::byte* at, Component type) {
-  if (type == Component::kU8) return load<u8>(at);
-  if (type == Component::kU16) return load<u16>(at);
-  return load<u32>(at);
+/// Refuses a type that is none of unsigned integers.
+void check_unsigned(Component type, const Value& value) {
+  if (type != Component::kU8 && type != Component::kU16 && type != Component::kU32)
+    refuse(value.key_where("componentType"), "must be an unsigned integer");
 }
 
 struct Accessor {
@@ -76,7 +57,7 @@ struct Accessor {
 };
 
 Accessor open(const Document& document, const Value& index, u32 components) {
-  const Value value = document.item("accessors", index.index(document.count("accessors")));
+  const Value value = document.named("accessors", index);
   Accessor accessor{.value = value,
                     .unpacked = document.find_unpacked(index),
                     .count = accessor_count(document, index),
@@ -121,18 +102,15 @@ void for_each_run(const Document& document, const Accessor& accessor, const Put&
   if (count > accessor.count) refuse(sparse->key_where("count"), "exceeds the accessor's count");
   const Value indices = sparse->at("indices");
   const Component index_type = component_of(indices.at("componentType"));
-  if (index_type != Component::kU8 && index_type != Component::kU16 &&
-      index_type != Component::kU32) {
-    refuse(indices.key_where("componentType"), "must be an unsigned integer");
-  }
+  check_unsigned(index_type, indices);
   const Value values = sparse->at("values");
   const Bytes index_bytes = document.view_bytes(
       indices.at("bufferView"), indices.whole("byteOffset", 0), count * bytes_of(index_type));
   const Bytes value_bytes = document.view_bytes(
       values.at("bufferView"), values.whole("byteOffset", 0), count * accessor.element_bytes());
   for (u64 i = 0; i < count; ++i) {
-    const u32 element =
-        component_as_integer(index_bytes.data() + i * bytes_of(index_type), index_type);
+    u32 element = 0;  // the bytes behind those of a shorter index stay 0
+    std::memcpy(&element, index_bytes.data() + i * bytes_of(index_type), bytes_of(index_type));
     if (element >= accessor.count) {
       refuse(indices.where(),
              fmt::format("element {} names vertex {} of {}", i, element, accessor.count));
@@ -179,36 +157,23 @@ std::vector<T> read_vectors(const Document& document, const Value& index, u32 co
 }  // namespace
 
 u32 bytes_of(Component type) {
-  switch (type) {
-    case Component::kI8:
-    case Component::kU8:
-      return 1;
-    case Component::kI16:
-    case Component::kU16:
-      return 2;
-    case Component::kU32:
-    case Component::kF32:
-      return 4;
-  }
-  return 0;
+  u32 bytes = 0;
+  with_type(type, [&](auto number) { bytes = sizeof number; });
+  return bytes;
 }
 
 u64 accessor_count(const Document& document, const Value& accessor) {
   if (const Unpacked* unpacked = document.find_unpacked(accessor)) return unpacked->count;
-  return document.item("accessors", accessor.index(document.count("accessors")))
-      .at("count")
-      .whole();
+  return document.named("accessors", accessor).at("count").whole();
 }
 
 Component accessor_type(const Document& document, const Value& accessor) {
   if (const Unpacked* unpacked = document.find_unpacked(accessor)) return unpacked->type;
-  return component_of(
-      document.item("accessors", accessor.index(document.count("accessors"))).at("componentType"));
+  return component_of(document.named("accessors", accessor).at("componentType"));
 }
 
 u32 accessor_components(const Document& document, const Value& accessor) {
-  const Value type =
-      document.item("accessors", accessor.index(document.count("accessors"))).at("type");
+  const Value type = document.named("accessors", accessor).at("type");
   const std::string name = type.text();
   const auto shape = std::ranges::find(kShapes, name, &Shape::name);
   if (shape == kShapes.end()) refuse(type.where(), "is not SCALAR, VEC2 .. VEC4 or MAT2 .. MAT4");
@@ -233,10 +198,7 @@ template <class T>
 std::vector<T> read_integers(const Document& document, const Value& index, u32 components,
                              Budget& budget) {
   const Accessor accessor = open(document, index, components);
-  if (accessor.type != Component::kU8 && accessor.type != Component::kU16 &&
-      accessor.type != Component::kU32) {
-    refuse(accessor.value.key_where("componentType"), "must be an unsigned integer");
-  }
+  check_unsigned(accessor.type, accessor.value);
   budget.take(accessor.count, u64(components) * sizeof(u32), accessor.value.where());
   const u64 bytes = accessor.count * components * sizeof(u32);
   std::vector<T> result((bytes + sizeof(T) - 1) / sizeof(T));

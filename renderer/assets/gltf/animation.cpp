@@ -27,8 +27,8 @@ class Loader {
 
   Asset::Animation load(const Value& animation, u32 index) {
     std::map<u32, Track> tracks;
-    const Value channels = animation.at("channels");
-    for (std::size_t i = 0; i < channels.size(); ++i) add_channel(animation, channels[i], tracks);
+    for (const Value& channel : animation.at("channels").elements())
+      add_channel(animation, channel, tracks);
     Asset::Animation result{
         .name = clean_name(animation.text("name", ""), fmt::format("animation_{}", index)),
         .channels = {}};
@@ -179,9 +179,8 @@ std::vector<Asset::Animation> load_animations(const Document& document, Builder&
                                               const std::vector<Mesh>& meshes) {
   std::vector<Asset::Animation> animations;
   Loader loader(document, builder, nodes, entities, meshes);
-  for (u32 i = 0; i < document.count("animations"); ++i) {
-    animations.push_back(loader.load(document.item("animations", i), i));
-  }
+  for (const Value& animation : document.items("animations"))
+    animations.push_back(loader.load(animation, u32(animations.size())));
   return animations;
 }
 

@@ -107,25 +107,17 @@ void Document::parse_container(Bytes file) {
 }
 
 void Document::check_extensions() const {
-  const auto known = [](const std::string& name) {
-    return std::ranges::find(kHonoured, name) != kHonoured.end();
+  const auto known = [](const Value& name) {
+    return std::ranges::find(kHonoured, name.text()) != kHonoured.end();
   };
-  if (const auto required = root().find("extensionsRequired")) {
-    for (std::size_t i = 0; i < required->size(); ++i) {
-      const std::string name = (*required)[i].text();
-      if (known(name)) continue;
-      refuse_unimplemented((*required)[i].where(),
+  for (const Value& name : items("extensionsRequired"))
+    if (!known(name))
+      refuse_unimplemented(name.where(),
                            fmt::format("the file requires the extension {}; export it without",
-                                       clean_name(name, "?")));
-    }
-  }
-  if (const auto used = root().find("extensionsUsed")) {
-    for (std::size_t i = 0; i < used->size(); ++i) {
-      const std::string name = (*used)[i].text();
-      if (known(name)) continue;
-      builder_.warn(fmt::format("extension {} is left out", clean_name(name, "?")));
-    }
-  }
+                                       clean_name(name.text(), "?")));
+  for (const Value& name : items("extensionsUsed"))
+    if (!known(name))
+      builder_.warn(fmt::format("extension {} is left out", clean_name(name.text(), "?")));
 }
 
 void Document::load_buffers() {
@@ -218,6 +210,10 @@ std::size_t Document::count(const std::string& key) const {
 
 Value Document::item(const std::string& key, u32 index) const { return root().at(key)[index]; }
 
+Value Document::named(const std::string& key, const Value& index) const {
+  return item(key, index.index(count(key)));
+}
+
 Bytes Document::view_bytes(const Value& view, u64 offset, u64 size) const {
   const Bytes bytes = whole_view(view);
   if (offset > bytes.size() || size > bytes.size() - offset) {
@@ -228,7 +224,7 @@ Bytes Document::view_bytes(const Value& view, u64 offset, u64 size) const {
 }
 
 u64 Document::view_stride(const Value& view) const {
-  const Value item_view = item("bufferViews", view.index(count("bufferViews")));
+  const Value item_view = named("bufferViews", view);
   const u64 stride = item_view.whole("byteStride", 0);
   if (stride > 252 || (stride != 0 && stride < 4)) {
     refuse(item_view.key_where("byteStride"), "must be 4 to 252");

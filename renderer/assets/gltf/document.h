@@ -21,6 +21,24 @@ enum class Component : u32 {
   kU32 = 5125,
   kF32 = 5126,
 };
+/// Calls f with a number of the type, whatever its value.
+template <class F>
+void with_type(Component type, const F& f) {
+  switch (type) {
+    case Component::kI8:
+      return f(std::int8_t());
+    case Component::kU8:
+      return f(u8());
+    case Component::kI16:
+      return f(std::int16_t());
+    case Component::kU16:
+      return f(u16());
+    case Component::kU32:
+      return f(u32());
+    case Component::kF32:
+      return f(float());
+  }
+}
 [[nodiscard]] u32 bytes_of(Component type);
 
 /// What an accessor has that was packed: elements without gaps.
@@ -40,7 +58,13 @@ class Document {
   [[nodiscard]] Value root() const { return {json_, ""}; }
   /// The top-level array `key`; empty when absent.
   [[nodiscard]] std::size_t count(const std::string& key) const;
+  [[nodiscard]] auto items(const std::string& key) const {
+    static const nlohmann::json kNone = nlohmann::json::array();
+    return root().find(key).value_or(Value(kNone, key)).elements();
+  }
   [[nodiscard]] Value item(const std::string& key, u32 index) const;
+  /// The item of that array whose index this value is.
+  [[nodiscard]] Value named(const std::string& key, const Value& index) const;
 
   /// Bytes [offset, offset + size) of a buffer view, unpacked; `view` holds its index.
   [[nodiscard]] Bytes view_bytes(const Value& view, u64 offset, u64 size) const;

@@ -81,26 +81,7 @@ class Unpacker {
     const u64 count = mesh.num_points();
     budget_.take(count, u64(width) * bytes_of(type), accessor.where());
     std::vector<std::byte> bytes(count * width * bytes_of(type));
-    switch (type) {
-      case Component::kI8:
-        convert<std::int8_t>(mesh, attribute, bytes.data());
-        break;
-      case Component::kU8:
-        convert<u8>(mesh, attribute, bytes.data());
-        break;
-      case Component::kI16:
-        convert<std::int16_t>(mesh, attribute, bytes.data());
-        break;
-      case Component::kU16:
-        convert<u16>(mesh, attribute, bytes.data());
-        break;
-      case Component::kU32:
-        convert<u32>(mesh, attribute, bytes.data());
-        break;
-      case Component::kF32:
-        convert<float>(mesh, attribute, bytes.data());
-        break;
-    }
+    with_type(type, [&]<class T>(T) { convert<T>(mesh, attribute, bytes.data()); });
     document_.unpacked(accessor, {.bytes = std::move(bytes), .count = count, .type = type});
   }
 
@@ -112,13 +93,9 @@ class Unpacker {
 
 void unpack_draco(Document& document, Budget& budget) {
   Unpacker unpacker(document, budget);
-  for (u32 i = 0; i < document.count("meshes"); ++i) {
-    const Value primitives = document.item("meshes", i).at("primitives");
-    for (std::size_t k = 0; k < primitives.size(); ++k) {
-      const Value primitive = primitives[k];
+  for (const Value& mesh : document.items("meshes"))
+    for (const Value& primitive : mesh.at("primitives").elements())
       if (const auto packed = primitive.extension(kExtension)) unpacker.unpack(primitive, *packed);
-    }
-  }
 }
 
 }  // namespace heliograph::assets::gltf

@@ -22,11 +22,7 @@ class Maker {
   }
 
   Entities make() {
-    const u32 root = builder_.entity("", PutEntity{});
-    PutEntity turned;
-    turned.parent = builder_.entity_ref(root);
-    turned.pose = constant_pose(mat4x3(z_up_from("y")));
-    const u32 z_up = builder_.entity(builder_.claim_name("z_up", "z_up"), std::move(turned));
+    const u32 z_up = builder_.turned_root(mat4x3(z_up_from("y")));
     std::vector<u32> order = scene_roots();
     std::vector<u32> skinned;
     for (std::size_t i = 0; i < order.size(); ++i) {
@@ -59,13 +55,13 @@ class Maker {
       return roots;
     }
     const auto chosen = document_.root().find("scene");
-    const Value scene =
-        document_.item("scenes", chosen ? chosen->index(document_.count("scenes")) : 0);
+    const Value scene = chosen ? document_.named("scenes", *chosen) : document_.item("scenes", 0);
     const auto list = scene.find("nodes");
-    for (std::size_t i = 0; list && i < list->size(); ++i) {
-      const u32 root = (*list)[i].index(nodes_.size());
-      if (nodes_[root].parent) refuse((*list)[i].where(), "is not a root: it has a parent");
-      if (std::ranges::count(roots, root)) refuse((*list)[i].where(), "is in the scene twice");
+    if (!list) return roots;
+    for (const Value& node : list->elements()) {
+      const u32 root = node.index(nodes_.size());
+      if (nodes_[root].parent) refuse(node.where(), "is not a root: it has a parent");
+      if (std::ranges::count(roots, root)) refuse(node.where(), "is in the scene twice");
       roots.push_back(root);
     }
     return roots;
@@ -73,9 +69,8 @@ class Maker {
 
   PutEntity placed(u32 index, u32 z_up) const {
     const Node& node = nodes_[index];
-    PutEntity put;
     const auto parent = node.parent ? entities_.node[*node.parent] : std::optional<u32>(z_up);
-    put.parent = builder_.entity_ref(*parent);
+    PutEntity put{.parent = builder_.entity_ref(*parent)};
     if (!is_visible(node)) put.visible = false;
     if (!invertible(node.local)) {
       builder_.warn(
@@ -99,15 +94,10 @@ class Maker {
     put.mesh = mesh.ref;
     put.materials = mesh.materials;
     if (mesh.morph_count == 0) return;
-    MorphWeights weights{.times = {}, .weights = mesh.morph_weights};
-    weights.weights.resize(mesh.morph_count);
-    if (const auto own = node.value.find("weights")) {
-      if (own->size() != mesh.morph_count) {
-        refuse(own->where(), fmt::format("must have {} numbers", mesh.morph_count));
-      }
-      for (u32 i = 0; i < mesh.morph_count; ++i) weights.weights[i] = (*own)[i].single();
-    }
-    put.morph_weights = weights;
+    std::vector<float> weights = read_weights(node.value, mesh.morph_count);
+    if (weights.empty()) weights = mesh.morph_weights;
+    weights.resize(mesh.morph_count);
+    put.morph_weights = MorphWeights{.times = {}, .weights = std::move(weights)};
   }
 
   void add_node(u32 index, u32 z_up) {
@@ -119,10 +109,8 @@ class Maker {
     const auto instancing = node.value.extension("EXT_mesh_gpu_instancing");
     const bool plain = has_mesh && !instancing;
     if (plain) bind_mesh(node, put);
-    if (const auto camera = node.value.find("camera")) {
-      put.camera =
-          read_camera(document_.item("cameras", camera->index(document_.count("cameras"))));
-    }
+    if (const auto camera = node.value.find("camera"))
+      put.camera = read_camera(document_.named("cameras", *camera));
     entities_.node[index] = builder_.entity(node.name, std::move(put));
     if (plain) entities_.mesh[index] = entities_.node[index];
     if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
@@ -154,14 +142,13 @@ class Maker {
     for (std::size_t i = 0; i < total; ++i) {
       const vec4 r = rotations[i];
       const quat rotation = unit_rotation(quat(r.w, r.x, r.y, r.z), instancing.where(), builder_);
-      PutEntity put;
-      put.parent = builder_.entity_ref(parent);
-      put.pose = constant_pose(thickened(compose_trs(translations[i], rotation, scales[i])));
-      if (!invertible(put.pose->matrices.front())) {
+      const mat4x3 pose = thickened(compose_trs(translations[i], rotation, scales[i]));
+      if (!invertible(pose)) {
         builder_.warn(fmt::format("instances of node '{}' whose scale has no inverse are left out",
                                   node.name));
         continue;
       }
+      PutEntity put{.parent = builder_.entity_ref(parent), .pose = constant_pose(pose)};
       bind_mesh(node, put);
       builder_.entity(builder_.claim_name(fmt::format("{}.{}", node.name, i), "instance"),
                       std::move(put));
@@ -171,8 +158,7 @@ class Maker {
   /// After all joints, an entity that follows them alone, whatever its node does. Its pose is where
   /// the bind pose puts the mesh's coordinates, so that the box of the rest shape lies around it.
   void add_skinned(const Node& node, u32 index, u32 z_up) {
-    PutEntity put;
-    put.parent = builder_.entity_ref(z_up);
+    PutEntity put{.parent = builder_.entity_ref(z_up)};
     if (!shown_[index]) put.visible = false;
     bind_mesh(node, put);
     put.skin = read_skin_patch(node);
@@ -183,9 +169,7 @@ class Maker {
     entities_.mesh[index] = builder_.entity(name, std::move(put));
   }
 
-  Value skin_of(const Node& node) const {
-    return document_.item("skins", node.value.at("skin").index(document_.count("skins")));
-  }
+  Value skin_of(const Node& node) const { return document_.named("skins", node.value.at("skin")); }
   u32 first_joint(const Node& node) const {
     return skin_of(node).at("joints")[0].index(nodes_.size());
   }

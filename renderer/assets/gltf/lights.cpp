@@ -38,11 +38,10 @@ Value listed_light(const Document& document, const std::string& extension, const
 }
 
 void read_color(const Value& value, Light& light, const std::string& strength) {
-  const auto color = value.numbers<3>("color", {1, 1, 1});
+  light.color = value.numbers("color", vec3(1));
   const double intensity = value.number(strength, 1);
-  if (intensity < 0 || *std::ranges::min_element(color) < 0)
+  if (intensity < 0 || glm::any(glm::lessThan(light.color, vec3(0))))
     refuse(value.where(), fmt::format("{} and color must be 0 or more", strength));
-  light.color = {color[0], color[1], color[2]};
   light.intensity = float(intensity);
 }
 

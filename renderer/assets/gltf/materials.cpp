@@ -57,6 +57,10 @@ class Reader {
     }
     put_.parameters[std::size_t(parameter)].value = clamped;
   }
+  void set(MaterialParameter parameter, const Value& owner, const std::string& key,
+           double fallback) {
+    set(parameter, vec3(float(owner.number(key, fallback))));
+  }
   void set_texture(MaterialParameter parameter, const Value& owner, const std::string& key,
                    bool srgb, u32 channel) {
     const auto info = owner.find(key);
@@ -86,11 +90,11 @@ class Reader {
   }
   /// base_color from RGB of a factor and a texture, alpha from their A unless the mode is OPAQUE.
   void color_and_alpha(const Value& owner, const std::string& factor, const std::string& texture) {
-    const auto color = owner.numbers<4>(factor, {1, 1, 1, 1});
-    set(base_color, {color[0], color[1], color[2]});
+    const auto color = owner.numbers(factor, vec4(1));
+    set(base_color, vec3(color));
     set_texture(base_color, owner, texture, true, 0);
     if (put_.alpha_mode == AlphaMode::kOpaque) return;
-    set(MaterialParameter::alpha, vec3(color[3]));
+    set(MaterialParameter::alpha, vec3(color.w));
     set_texture(MaterialParameter::alpha, owner, texture, true, 3);
   }
 
@@ -98,8 +102,8 @@ class Reader {
     static const nlohmann::json kEmpty = nlohmann::json::object();
     const Value pbr = value_.find("pbrMetallicRoughness").value_or(Value(kEmpty, value_.where()));
     color_and_alpha(pbr, "baseColorFactor", "baseColorTexture");
-    set(metallic, vec3(float(pbr.number("metallicFactor", 1))));
-    set(roughness, vec3(float(pbr.number("roughnessFactor", 1))));
+    set(metallic, pbr, "metallicFactor", 1);
+    set(roughness, pbr, "roughnessFactor", 1);
     set_texture(metallic, pbr, "metallicRoughnessTexture", false, 2);
     set_texture(roughness, pbr, "metallicRoughnessTexture", false, 1);
   }
@@ -109,8 +113,7 @@ class Reader {
   void specular_glossiness(const Value& old) {
     color_and_alpha(old, "diffuseFactor", "diffuseTexture");
     set(metallic, vec3(0));
-    const auto specular = old.numbers<3>("specularFactor", {1, 1, 1});
-    set(specular_color, vec3(specular[0], specular[1], specular[2]) / 0.04f);
+    set(specular_color, old.numbers("specularFactor", vec3(1)) / 0.04f);
     set_texture(specular_color, old, "specularGlossinessTexture", true, 0);
     const float glossiness = float(std::clamp(old.number("glossinessFactor", 1), 0.0, 1.0));
     ParameterPatch& rough = put_.parameters[std::size_t(roughness)];
@@ -123,20 +126,18 @@ class Reader {
   }
 
   void emission() {
-    const auto factor = value_.numbers<3>("emissiveFactor", {0, 0, 0});
-    set(MaterialParameter::emission, {factor[0], factor[1], factor[2]});
-    if (factor[0] > 0 || factor[1] > 0 || factor[2] > 0) {
+    const auto factor = value_.numbers("emissiveFactor", vec3(0));
+    set(MaterialParameter::emission, factor);
+    if (glm::any(glm::greaterThan(factor, vec3(0))))
       set_texture(MaterialParameter::emission, value_, "emissiveTexture", true, 0);
-    }
-    if (const auto strength = value_.extension("KHR_materials_emissive_strength")) {
-      set(emission_strength, vec3(float(strength->number("emissiveStrength", 1))));
-    }
+    if (const auto strength = value_.extension("KHR_materials_emissive_strength"))
+      set(emission_strength, *strength, "emissiveStrength", 1);
   }
 
   void extensions() {
     put_.unlit = value_.extension("KHR_materials_unlit").has_value();
     if (const auto transmitting = value_.extension("KHR_materials_transmission")) {
-      set(transmission, vec3(float(transmitting->number("transmissionFactor", 0))));
+      set(transmission, *transmitting, "transmissionFactor", 0);
       set_texture(transmission, *transmitting, "transmissionTexture", false, 0);
       volume();
     }
@@ -145,14 +146,11 @@ class Reader {
     if (const auto brushed = value_.extension("KHR_materials_anisotropy"))
       anisotropy_ = read_anisotropy(*brushed, textures_);
     if (const auto film = value_.extension("KHR_materials_iridescence")) thin_film(*film);
-    if (const auto index = value_.extension("KHR_materials_ior")) {
-      set(ior, vec3(float(index->number("ior", 1.5))));
-    }
+    if (const auto index = value_.extension("KHR_materials_ior")) set(ior, *index, "ior", 1.5);
     if (const auto reflecting = value_.extension("KHR_materials_specular")) {
-      set(specular, vec3(float(reflecting->number("specularFactor", 1))));
+      set(specular, *reflecting, "specularFactor", 1);
       set_texture(specular, *reflecting, "specularTexture", false, 3);
-      const auto tint = reflecting->numbers<3>("specularColorFactor", {1, 1, 1});
-      set(specular_color, {tint[0], tint[1], tint[2]});
+      set(specular_color, reflecting->numbers("specularColorFactor", vec3(1)));
       set_texture(specular_color, *reflecting, "specularColorTexture", true, 0);
     }
   }
@@ -166,29 +164,28 @@ class Reader {
     const double infinite = std::numeric_limits<double>::infinity();
     const double distance = inside->number("attenuationDistance", infinite);
     if (!(distance > 0 && distance < kFarthest)) return;
-    const auto color = inside->numbers<3>("attenuationColor", {1, 1, 1});
-    set(attenuation_color, {color[0], color[1], color[2]});
+    set(attenuation_color, inside->numbers("attenuationColor", vec3(1)));
     set(attenuation_distance, vec3(float(distance)));
   }
   static constexpr double kFarthest = 1e9;     // of attenuation_distance, metres
   static constexpr float kLeastSheen = 0.25f;  // of the model, see docs/materials.md
 
   void clearcoating(const Value& coat) {
-    set(clearcoat, vec3(float(coat.number("clearcoatFactor", 0))));
+    set(clearcoat, coat, "clearcoatFactor", 0);
     set_texture(clearcoat, coat, "clearcoatTexture", false, 0);
-    set(clearcoat_roughness, vec3(float(coat.number("clearcoatRoughnessFactor", 0))));
+    set(clearcoat_roughness, coat, "clearcoatRoughnessFactor", 0);
     set_texture(clearcoat_roughness, coat, "clearcoatRoughnessTexture", false, 1);
     put_.clearcoat_normal_map = normal_map(coat, "clearcoatNormalTexture");
   }
 
   void sheen_of(const Value& cloth) {
-    const auto color = cloth.numbers<3>("sheenColorFactor", {0, 0, 0});
+    const auto color = cloth.numbers("sheenColorFactor", vec3(0));
     set(sheen, vec3(1));
-    set(sheen_color, {color[0], color[1], color[2]});
+    set(sheen_color, color);
     set_texture(sheen_color, cloth, "sheenColorTexture", true, 0);
     const auto spread = float(cloth.number("sheenRoughnessFactor", 0));
     set(sheen_roughness, vec3(spread));
-    if (spread < kLeastSheen && *std::ranges::max_element(color) > 0) {
+    if (spread < kLeastSheen && glm::any(glm::greaterThan(color, vec3(0)))) {
       builder_.warn(fmt::format("{}: a sheen roughness of {:.3g} acts as {}", value_.where(),
                                 spread, kLeastSheen));
     }
@@ -197,9 +194,9 @@ class Reader {
 
   /// A texture mixes two thicknesses [nm]; without one the film has the maximum.
   void thin_film(const Value& film) {
-    set(iridescence, vec3(float(film.number("iridescenceFactor", 0))));
+    set(iridescence, film, "iridescenceFactor", 0);
     set_texture(iridescence, film, "iridescenceTexture", false, 0);
-    set(iridescence_ior, vec3(float(film.number("iridescenceIor", 1.3))));
+    set(iridescence_ior, film, "iridescenceIor", 1.3);
     const auto minimum = float(film.number("iridescenceThicknessMinimum", 100));
     const auto maximum = float(film.number("iridescenceThicknessMaximum", 400));
     set_texture(iridescence_thickness, film, "iridescenceThicknessTexture", false, 1);
@@ -242,14 +239,12 @@ Materials load_materials(Document& document, Builder& builder, bool needs_fallba
   Textures textures(document, builder);
   std::vector<Reader::Result> read;
   Materials materials;
-  for (u32 i = 0; i < document.count("materials"); ++i) {
-    read.push_back(Reader(document.item("materials", i), textures, builder).read());
-  }
+  for (const Value& material : document.items("materials"))
+    read.push_back(Reader(material, textures, builder).read());
   std::vector<std::string> names;  // before the textures', which nobody addresses
-  for (u32 i = 0; i < read.size(); ++i) {
-    names.push_back(builder.claim_name(document.item("materials", i).text("name", ""),
-                                       fmt::format("material_{}", i)));
-  }
+  for (const Value& material : document.items("materials"))
+    names.push_back(
+        builder.claim_name(material.text("name", ""), fmt::format("material_{}", names.size())));
   textures.make_library();
   if (!builder.complete()) return materials;
   for (u32 i = 0; i < read.size(); ++i) {

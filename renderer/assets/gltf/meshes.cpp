@@ -32,50 +32,36 @@ void append(std::vector<T>& all, std::vector<T>& some, std::size_t count, const 
   all.insert(all.end(), some.begin(), some.end());
 }
 
-/// Which optional arrays the merged mesh has: those that any piece has.
-struct Present {
-  bool normals = false, uvs = false, uvs1 = false, colors = false, skin = false;
-  bool tangents = false, morph_normals = false;
-  explicit Present(const std::vector<Piece>& pieces) {
-    for (const auto& [mesh, first] : pieces) {
-      normals |= !mesh.normals.empty();
-      uvs |= !mesh.uvs.empty();
-      uvs1 |= !mesh.uvs1.empty();
-      colors |= !mesh.colors.empty();
-      skin |= !mesh.joints.empty();
-      tangents |= !mesh.tangents.empty();
-      morph_normals |= !mesh.morph_normals.empty();
-    }
-  }
-};
+bool has_morph_normals(const Piece& piece) { return !piece.vertices.morph_normals.empty(); }
 
 MeshData merge(std::vector<Piece>& pieces) {
   if (pieces.size() == 1) return std::move(pieces.front().vertices);
-  const Present present(pieces);
   MeshData all;
-  const std::size_t targets = pieces.front().vertices.morph_positions.size();
-  all.morph_positions.resize(targets);
-  all.morph_normals.resize(present.morph_normals ? targets : 0);
-  for (Piece& piece : pieces) {
-    MeshData& mesh = piece.vertices;
+  // Of the optional arrays the merged mesh has those that any piece has.
+  const auto join = [&]<class T>(std::vector<T> MeshData::* array, const T& fill) {
+    const auto has = [&](const Piece& piece) { return !(piece.vertices.*array).empty(); };
+    if (std::ranges::none_of(pieces, has)) return;
+    for (auto& [mesh, first] : pieces) append(all.*array, mesh.*array, mesh.positions.size(), fill);
+  };
+  join(&MeshData::normals, vec3(0, 0, 1));
+  join(&MeshData::uvs, vec2(0));
+  join(&MeshData::uvs1, vec2(0));
+  join(&MeshData::colors, vec4(1));
+  join(&MeshData::tangents, vec4(0, 0, 0, 1));
+  join(&MeshData::joints, glm::u16vec4(0));
+  join(&MeshData::weights, vec4(1, 0, 0, 0));
+  all.morph_positions.resize(pieces.front().vertices.morph_positions.size());
+  if (std::ranges::any_of(pieces, has_morph_normals))
+    all.morph_normals.resize(all.morph_positions.size());
+  for (auto& [mesh, first] : pieces) {
     const std::size_t count = mesh.positions.size();
-    piece.first = u32(all.positions.size());
+    first = u32(all.positions.size());
     append(all.positions, mesh.positions, count, vec3(0));
-    if (present.normals) append(all.normals, mesh.normals, count, vec3(0, 0, 1));
-    if (present.uvs) append(all.uvs, mesh.uvs, count, vec2(0));
-    if (present.uvs1) append(all.uvs1, mesh.uvs1, count, vec2(0));
-    if (present.colors) append(all.colors, mesh.colors, count, vec4(1));
-    if (present.tangents) append(all.tangents, mesh.tangents, count, vec4(0, 0, 0, 1));
-    if (present.skin) {
-      append(all.joints, mesh.joints, count, glm::u16vec4(0));
-      append(all.weights, mesh.weights, count, vec4(1, 0, 0, 0));
-    }
-    mesh.morph_normals.resize(present.morph_normals ? targets : 0);
-    for (std::size_t t = 0; t < targets; ++t) {
+    mesh.morph_normals.resize(all.morph_normals.size());
+    for (std::size_t t = 0; t < all.morph_positions.size(); ++t)
       append(all.morph_positions[t], mesh.morph_positions[t], count, vec3(0));
-      if (!present.morph_normals) continue;
+    for (std::size_t t = 0; t < all.morph_normals.size(); ++t)
       append(all.morph_normals[t], mesh.morph_normals[t], count, vec3(0));
-    }
   }
   return all;
 }
@@ -86,13 +72,12 @@ class Loader {
       : document_(document), builder_(builder), materials_(materials) {}
 
   Mesh load(const Value& value, u32 index) {
-    const Value primitives = value.at("primitives");
     std::vector<Value> surfaces;
-    for (std::size_t i = 0; i < primitives.size(); ++i) {
-      if (is_surface(primitives[i])) surfaces.push_back(primitives[i]);
-    }
-    if (surfaces.size() < primitives.size()) {
-      builder_.warn("primitives of points or lines, or without POSITION, are left out");
+    for (const Value& primitive : value.at("primitives").elements()) {
+      if (is_surface(primitive))
+        surfaces.push_back(primitive);
+      else
+        builder_.warn("primitives of points or lines, or without POSITION, are left out");
     }
     Mesh mesh;
     if (surfaces.empty()) return mesh;
@@ -106,7 +91,7 @@ class Loader {
         mesh.joint_count = std::max<u32>(mesh.joint_count, joints[i] + 1u);
     }
     mesh.morph_count = u32(data.morph_positions.size());
-    mesh.morph_weights = read_weights(value, mesh.morph_count);
+    if (mesh.morph_count > 0) mesh.morph_weights = read_weights(value, mesh.morph_count);
     if (data.triangles.empty()) return mesh;
     mend_tangents(data);
     auto [put, mended] = finish_mesh(std::move(data), value.where(), builder_.budget);
@@ -204,17 +189,6 @@ class Loader {
     data.part_names.push_back(name);
   }
 
-  static std::vector<float> read_weights(const Value& mesh, u32 targets) {
-    std::vector<float> weights;
-    const auto array = mesh.find("weights");
-    if (!array || targets == 0) return weights;
-    if (array->size() != targets) {
-      refuse(array->where(), fmt::format("must have {} numbers", targets));
-    }
-    for (std::size_t i = 0; i < targets; ++i) weights.push_back((*array)[i].single());
-    return weights;
-  }
-
   const Document& document_;
   Builder& builder_;
   const Materials& materials_;
@@ -227,19 +201,25 @@ class Loader {
 std::vector<Mesh> load_meshes(const Document& document, Builder& builder,
                               const Materials& materials) {
   std::vector<Mesh> meshes;
-  for (u32 i = 0; i < document.count("meshes"); ++i) {
-    meshes.push_back(Loader(document, builder, materials).load(document.item("meshes", i), i));
-  }
+  for (const Value& mesh : document.items("meshes"))
+    meshes.push_back(Loader(document, builder, materials).load(mesh, u32(meshes.size())));
   return meshes;
 }
 
+std::vector<float> read_weights(const Value& owner, u32 targets) {
+  std::vector<float> weights;
+  const auto array = owner.find("weights");
+  if (!array) return weights;
+  if (array->size() != targets)
+    refuse(array->where(), fmt::format("must have {} numbers", targets));
+  for (const Value& weight : array->elements()) weights.push_back(weight.single());
+  return weights;
+}
+
 bool any_without_material(const Document& document, std::optional<u32> variant) {
-  for (u32 i = 0; i < document.count("meshes"); ++i) {
-    const Value primitives = document.item("meshes", i).at("primitives");
-    for (std::size_t k = 0; k < primitives.size(); ++k) {
-      if (!material_of(primitives[k], variant)) return true;
-    }
-  }
+  for (const Value& mesh : document.items("meshes"))
+    for (const Value& primitive : mesh.at("primitives").elements())
+      if (!material_of(primitive, variant)) return true;
   return false;
 }
 

@@ -19,6 +19,9 @@ struct Mesh {
 [[nodiscard]] std::vector<Mesh> load_meshes(const Document& document, Builder& builder,
                                             const Materials& materials);
 
+/// The weights of morph targets that a mesh or a node says; empty: it says none.
+[[nodiscard]] std::vector<float> read_weights(const Value& owner, u32 targets);
+
 /// Whether some primitive names no material.
 [[nodiscard]] bool any_without_material(const Document& document, std::optional<u32> variant);
 

@@ -1,6 +1,6 @@
 // Source: glTF 2.0, 3.5.2 and 3.5.3 (node hierarchy, transformations).
 #include <algorithm>
-#include <cmath>
+#include <glm/gtc/matrix_access.hpp>
 
 #include "renderer/assets/gltf/nodes.h"
 #include "renderer/assets/poses.h"
@@ -9,25 +9,21 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-void read_matrix(const Value& matrix_value, const std::array<float, 16>& m, Node& node) {
+void read_matrix(const Value& value, Node& node) {
   constexpr float kRounding = 1e-5f;
-  for (const std::size_t column : {0, 1, 2, 3}) {
-    if (std::abs(m[4 * column + 3] - (column == 3 ? 1.0f : 0.0f)) > kRounding)
-      refuse(matrix_value.where(), "the last row must be 0 0 0 1");
-  }
+  const auto matrix = value.numbers("matrix", mat4(1));
+  const vec4 off = glm::row(matrix, 3) - vec4(0, 0, 0, 1);
+  if (glm::any(glm::greaterThan(glm::abs(off), vec4(kRounding))))
+    refuse(value.key_where("matrix"), "the last row must be 0 0 0 1");
   node.has_matrix = true;
-  for (int column = 0; column < 4; ++column) {
-    for (int row = 0; row < 3; ++row) node.local[column][row] = m[std::size_t(column * 4 + row)];
-  }
+  node.local = mat4x3(matrix);
 }
 
 void read_trs(const Value& value, Node& node, Builder& builder) {
-  const auto t = value.numbers<3>("translation", {0, 0, 0});
-  const auto r = value.numbers<4>("rotation", {0, 0, 0, 1});
-  const auto s = value.numbers<3>("scale", {1, 1, 1});
-  node.translation = {t[0], t[1], t[2]};
-  node.rotation = unit_rotation(quat(r[3], r[0], r[1], r[2]), value.key_where("rotation"), builder);
-  node.scale = {s[0], s[1], s[2]};
+  node.translation = value.numbers("translation", vec3(0));
+  const auto r = value.numbers("rotation", vec4(0, 0, 0, 1));
+  node.rotation = unit_rotation(quat(r.w, r.x, r.y, r.z), value.key_where("rotation"), builder);
+  node.scale = value.numbers("scale", vec3(1));
   node.local = compose_trs(node.translation, node.rotation, node.scale);
 }
 
@@ -35,11 +31,10 @@ void read_trs(const Value& value, Node& node, Builder& builder) {
 void link(std::vector<Node>& nodes) {
   for (u32 i = 0; i < nodes.size(); ++i) {
     const auto children = nodes[i].value.find("children");
-    for (std::size_t k = 0; children && k < children->size(); ++k) {
-      const u32 child = (*children)[k].index(nodes.size());
-      if (nodes[child].parent) {
-        refuse((*children)[k].where(), fmt::format("node {} has two parents", child));
-      }
+    if (!children) continue;
+    for (const Value& value : children->elements()) {
+      const u32 child = value.index(nodes.size());
+      if (nodes[child].parent) refuse(value.where(), fmt::format("node {} has two parents", child));
       nodes[child].parent = i;
       nodes[i].children.push_back(child);
     }
@@ -68,8 +63,8 @@ std::vector<Node> read_nodes(const Document& document, Builder& builder) {
   for (u32 i = 0; i < document.count("nodes"); ++i) {
     const Value value = document.item("nodes", i);
     Node node{.value = value, .name = {}, .parent = {}, .children = {}};
-    if (const auto matrix = value.find("matrix")) {
-      read_matrix(*matrix, value.numbers<16>("matrix", {}), node);
+    if (value.find("matrix")) {
+      read_matrix(value, node);
     } else {
       read_trs(value, node, builder);
     }
@@ -87,7 +82,7 @@ SkinData read_skin(const Document& document, const Value& skin, std::size_t node
   if (joints.size() == 0 || joints.size() > 0x10000) {
     refuse(joints.where(), "must name 1 to 65536 joints");
   }
-  for (std::size_t i = 0; i < joints.size(); ++i) data.joints.push_back(joints[i].index(nodes));
+  for (const Value& joint : joints.elements()) data.joints.push_back(joint.index(nodes));
   data.inverse_binds.assign(data.joints.size(), mat4x3(1));
   if (const auto accessor = skin.find("inverseBindMatrices")) {
     const std::vector<mat4> matrices = read_as<mat4>(document, *accessor, budget);

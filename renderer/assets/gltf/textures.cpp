@@ -60,17 +60,13 @@ std::optional<Value> source_of(const Value& texture) {
 /// extension's offset * rotation * scale. Source: KHR_texture_transform; its rotation is
 /// counter-clockwise as seen in the picture.
 glm::mat3x2 uv_transform_of(const Value& transform) {
-  const auto offset = transform.numbers<2>("offset", {0, 0});
-  const auto scale = transform.numbers<2>("scale", {1, 1});
+  const vec2 offset = transform.numbers("offset", vec2(0));
+  const vec2 scale = transform.numbers("scale", vec2(1));
   const double angle = transform.number("rotation", 0);
   const double c = std::cos(angle);
   const double s = std::sin(angle);
-  return {float(c * scale[0]),
-          float(s * scale[0]),  // u
-          float(-s * scale[1]),
-          float(c * scale[1]),  // v
-          float(s * scale[1] + offset[0]),
-          float(1 - c * scale[1] - offset[1])};
+  const glm::dvec2 u(c * scale.x, s * scale.x), v(-s * scale.y, c * scale.y);
+  return {vec2(u), vec2(v), vec2(s * scale.y + offset.x, 1 - c * scale.y - offset.y)};
 }
 
 }  // namespace
@@ -90,8 +86,7 @@ std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index)
   }
   Slot slot{.texture = index, .image = source->index(document_.count("images"))};
   if (const auto sampler_index = texture.find("sampler")) {
-    const Value sampler =
-        document_.item("samplers", sampler_index->index(document_.count("samplers")));
+    const Value sampler = document_.named("samplers", *sampler_index);
     slot.wrap_u = wrap_of(sampler, "wrapS");
     slot.wrap_v = wrap_of(sampler, "wrapT");
     slot.nearest = is_nearest(sampler, builder_);
@@ -186,12 +181,11 @@ void Textures::make_library() {
 }
 
 PutTexture Textures::layout(const Slot& slot) {
-  PutTexture put;
-  put.srgb = slot.srgb;
-  put.nearest = slot.nearest;
-  put.wrap_u = slot.wrap_u;
-  put.wrap_v = slot.wrap_v;
-  return put;
+  return {.image = nullptr,
+          .srgb = slot.srgb,
+          .nearest = slot.nearest,
+          .wrap_u = slot.wrap_u,
+          .wrap_v = slot.wrap_v};
 }
 
 }  // namespace heliograph::assets::gltf

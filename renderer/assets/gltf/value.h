@@ -2,9 +2,12 @@
 // Used by the glTF loader.
 #pragma once
 
-#include <array>
+#include <algorithm>
+#include <glm/gtc/type_ptr.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <ranges>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,6 +37,10 @@ class Value {
   // Arrays.
   [[nodiscard]] std::size_t size() const;
   [[nodiscard]] Value operator[](std::size_t index) const;
+  [[nodiscard]] auto elements() const {
+    return std::views::iota(std::size_t(0), size()) |
+           std::views::transform([self = *this](std::size_t i) { return self[i]; });
+  }
 
   // Scalars: finite numbers, whole numbers in [0, 2^53], strings, booleans.
   [[nodiscard]] double number() const;
@@ -45,16 +52,16 @@ class Value {
   [[nodiscard]] u64 whole(const std::string& key, u64 fallback) const;
   [[nodiscard]] std::string text(const std::string& key, const std::string& fallback) const;
   [[nodiscard]] bool flag(const std::string& key, bool fallback) const;
-  /// An array of exactly N numbers.
-  template <std::size_t N>
-  [[nodiscard]] std::array<float, N> numbers(const std::string& key,
-                                             const std::array<float, N>& fallback) const {
-    const std::optional<Value> array = find(key);
-    if (!array) return fallback;
-    if (array->size() != N) refuse(array->where(), fmt::format("must have {} numbers", N));
-    std::array<float, N> result;
-    for (std::size_t i = 0; i < N; ++i) result[i] = (*array)[i].single();
-    return result;
+  /// An array of exactly as many numbers as a T, a vector or a matrix, has.
+  template <class T>
+  [[nodiscard]] T numbers(const std::string& key, T fallback) const {
+    constexpr std::size_t kCount = sizeof(T) / sizeof(float);
+    if (const std::optional<Value> array = find(key)) {
+      if (array->size() != kCount)
+        refuse(array->where(), fmt::format("must have {} numbers", kCount));
+      std::ranges::transform(array->elements(), glm::value_ptr(fallback), &Value::single);
+    }
+    return fallback;
   }
   /// A number that a float can hold.
   [[nodiscard]] float single() const;

@@ -13,17 +13,14 @@ std::vector<std::string> names_of(const Document& document) {
   std::vector<std::string> names;
   const auto extension = document.root().extension(kExtension);
   if (!extension) return names;
-  const Value variants = extension->at("variants");
-  for (std::size_t i = 0; i < variants.size(); ++i) names.push_back(variants[i].at("name").text());
+  for (const Value& variant : extension->at("variants").elements())
+    names.push_back(variant.at("name").text());
   return names;
 }
 
 bool serves(const Value& mapping, u32 variant) {
-  const Value variants = mapping.at("variants");
-  for (std::size_t i = 0; i < variants.size(); ++i) {
-    if (variants[i].whole() == variant) return true;
-  }
-  return false;
+  return std::ranges::any_of(mapping.at("variants").elements(),
+                             [&](const Value& served) { return served.whole() == variant; });
 }
 
 }  // namespace
@@ -50,12 +47,9 @@ std::optional<u32> choose_variant(const Document& document, Builder& builder) {
 
 std::optional<Value> material_of(const Value& primitive, std::optional<u32> variant) {
   const auto extension = variant ? primitive.extension(kExtension) : std::nullopt;
-  if (extension) {
-    const Value mappings = extension->at("mappings");
-    for (std::size_t i = 0; i < mappings.size(); ++i) {
-      if (serves(mappings[i], *variant)) return mappings[i].at("material");
-    }
-  }
+  if (extension)
+    for (const Value& mapping : extension->at("mappings").elements())
+      if (serves(mapping, *variant)) return mapping.at("material");
   return primitive.find("material");
 }
 
