@@ -21,6 +21,13 @@ struct Corner {
   bool operator==(const Corner&) const = default;
 };
 
+/// A face that names vertices which come later in the file.
+struct LateFace {
+  std::vector<Corner> corners;
+  std::string group, material;
+  std::string where;
+};
+
 /// Whether a line begins with "vn".
 bool gives_normals(std::string_view text) {
   for (std::size_t at = text.find("vn"); at != text.npos; at = text.find("vn", at + 2)) {
@@ -35,23 +42,25 @@ std::string_view uncommented(std::string_view line) { return line.substr(0, line
 
 class Reader {
  public:
-  explicit Reader(Builder& builder) : builder_(builder), limits_(builder.options.limits) {}
+  explicit Reader(Builder& builder)
+      : builder_(builder),
+        limits_(builder.options.limits),
+        lines_(as_text(builder.bundle.model().bytes)) {}
 
   void read() {
-    const std::string_view text = as_text(builder_.bundle.model().bytes);
-    has_normals_ = gives_normals(without_mark(text));
-    Lines lines(text);
-    while (auto line = lines.next()) {
+    has_normals_ = gives_normals(without_mark(as_text(builder_.bundle.model().bytes)));
+    while (auto line = lines_.next()) {
       std::string_view rest = *line;
       const std::string_view key = take_word(rest);
       if (key.empty() || key.starts_with('#')) continue;
       try {
         statement(key, rest);
       } catch (Refused& refused) {
-        refused.error.where = lines.where();
+        refused.error.where = lines_.where();
         throw;
       }
     }
+    for (LateFace& face : late_faces_) add_late(std::move(face));
     if (mesh_.triangles.empty()) refuse("f", "the file has no faces");
     if (skipped_ > 0)
       builder_.warn(fmt::format("{} faces of fewer than 3 corners are left out", skipped_));
@@ -147,11 +156,12 @@ class Reader {
     if (!path.empty()) libraries_.push_back(path);
   }
 
-  /// 1 is the first, -1 the last so far; kNone for one that is not there.
+  /// 1 is the first, which may come later in the file, -1 the last so far; kNone for what can be
+  /// none.
   static u32 index(std::string_view text, std::size_t count) {
     const i64 value = parse<i64>(text).value_or(0);
     const i64 zero_based = value > 0 ? value - 1 : i64(count) + value;
-    return value != 0 && zero_based >= 0 && zero_based < i64(count) ? u32(zero_based) : kNone;
+    return value != 0 && zero_based >= 0 && zero_based < i64(kFlat) ? u32(zero_based) : kNone;
   }
 
   u32 position_index(std::string_view text) const {
@@ -160,11 +170,19 @@ class Reader {
     refuse("", fmt::format("vertex '{}' is not one of the {} so far", clean_text(text, 120),
                            positions_.size()));
   }
-  /// Faces may do without.
+  /// Faces may do without vn and vt.
   u32 other_index(std::string_view text, std::size_t count) {
     const u32 found = index(text, count);
-    if (found == kNone) builder_.warn("faces name vn or vt that are not there: they go without");
+    if (found == kNone) warn_of_missing();
     return found;
+  }
+  void check_other(u32& other, std::size_t count) {
+    if (other == kNone || other < count) return;
+    other = kNone;
+    warn_of_missing();
+  }
+  void warn_of_missing() {
+    builder_.warn("faces name vn or vt that are not there: they go without");
   }
 
   Corner corner(std::string_view word) {
@@ -181,12 +199,35 @@ class Reader {
 
   void face(std::string_view rest) {
     corners_.clear();
+    while (!trimmed(rest).empty()) corners_.push_back(corner(take_word(rest)));
+    const auto is_late = [&](const Corner& c) { return c.position >= positions_.size(); };
+    if (std::ranges::none_of(corners_, is_late)) return add_face();
+    builder_.budget.take(corners_.size(), sizeof(Corner), "");
+    builder_.budget.take(1, sizeof(LateFace) + group_.size() + material_.size(), "");
+    late_faces_.push_back({corners_, group_, material_, lines_.where()});
+  }
+
+  /// At the end of the file.
+  void add_late(LateFace face) {
+    for (const Corner& c : face.corners)
+      if (c.position >= positions_.size())
+        refuse(face.where, fmt::format("vertex '{}' is not one of the {}", u64(c.position) + 1,
+                                       positions_.size()));
+    corners_ = std::move(face.corners);
+    group_ = std::move(face.group);
+    material_ = std::move(face.material);
+    part_.reset();
+    add_face();
+  }
+
+  void add_face() {
     polygon_.clear();
     bool all_normals = true;
-    while (!trimmed(rest).empty()) {
-      corners_.push_back(corner(take_word(rest)));
-      polygon_.push_back(positions_[corners_.back().position]);
-      all_normals &= corners_.back().normal != kNone;
+    for (Corner& c : corners_) {
+      check_other(c.uv, uvs_.size());
+      check_other(c.normal, normals_.size());
+      polygon_.push_back(positions_[c.position]);
+      all_normals &= c.normal != kNone;
     }
     if (corners_.size() < 3) {
       ++skipped_;
@@ -238,6 +279,7 @@ class Reader {
 
   Builder& builder_;
   const LoadLimits& limits_;
+  Lines lines_;
   std::vector<glm::dvec3> positions_, placed_;  // of the file, of the mesh
   std::vector<vec3> normals_, flat_normals_;
   std::vector<vec2> uvs_;
@@ -248,6 +290,7 @@ class Reader {
   std::map<std::pair<std::string, std::string>, u32> parts_;  // (group, material)
   std::unordered_map<Corner, u32, VertexHash> vertices_;
   std::vector<Corner> corners_;
+  std::vector<LateFace> late_faces_;
   std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;
   MeshData mesh_;

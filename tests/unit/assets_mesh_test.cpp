@@ -121,6 +121,25 @@ TEST_CASE("obj: a face goes without the normals and texture coordinates that are
   CHECK(mesh.vertices->normals.empty());  // flat
 }
 
+TEST_CASE("obj: a face may name vertices that come later") {
+  const std::string vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0.5 0.5\nvn 0 0 1\n";
+  const std::string faces = "usemtl paint\nf 1/1/1 2/1/1 3/1/1\nusemtl rust\nf 1/1/1 3/1/1 4/1/1\n";
+  const auto before = load_text("a.obj", vertices + faces);
+  const auto after = load_text("a.obj", faces + vertices);
+  INFO(refusal(after));
+  REQUIRE(after);
+  const PutMesh& expected = library_item<PutMesh>(*before);
+  const PutMesh& mesh = library_item<PutMesh>(*after);
+  CHECK(std::ranges::equal(mesh.topology->triangles, expected.topology->triangles));
+  CHECK(std::ranges::equal(mesh.topology->parts, expected.topology->parts));
+  CHECK(mesh.topology->part_names == expected.topology->part_names);
+  CHECK(std::ranges::equal(mesh.topology->uvs, expected.topology->uvs));
+  CHECK(std::ranges::equal(mesh.vertices->normals, expected.vertices->normals));
+  CHECK(after->warnings == before->warnings);
+  CHECK_THAT(refusal(load_text("a.obj", "f 1 2 3\nf 1 2 5\n" + vertices)),
+             Contains("a.obj: line 2: vertex '5' is not one of the 4"));
+}
+
 TEST_CASE("obj: what is broken is refused with its line") {
   const auto refused = [](const std::string& text) { return refusal(load_text("a.obj", text)); };
   CHECK_THAT(refused(kQuad), Contains("no faces"));
