@@ -26,6 +26,12 @@ def places() -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(x, -x)
 
 
+def assert_near(found: np.ndarray, wanted: np.ndarray, steep: np.ndarray) -> None:
+    """A pixel's place is known to a few 1e-7 m; what is steep there is known by as much less."""
+    steep = steep.reshape(steep.shape + (1,) * (wanted.ndim - steep.ndim))
+    assert np.abs((found - wanted) * steep).max() < 3e-6
+
+
 def rod(edit: hg.Edits, name: str = "rod", **given: object) -> hg.Entity:
     """Two segments of radius 0.25 m from x = -1 to 1, the second one of part 1."""
     edit.mesh(
@@ -50,14 +56,15 @@ def test_a_rod_is_a_cylinder_with_round_ends(scene):
     hit = square > 0
     np.testing.assert_array_equal(frame["instance"] == 1, hit)
     z = np.sqrt(np.maximum(square, 0))
-    np.testing.assert_allclose(frame["depth"][hit], 5 - z[hit], atol=2e-6)
+    steep = 4 * z[hit]
+    assert_near(frame["depth"][hit], 5 - z[hit], steep)
     normal = np.stack([np.sign(x) * beyond, y, z], -1) / 0.25
-    np.testing.assert_allclose(frame["normal"][hit], normal[hit], atol=4e-6)
-    np.testing.assert_allclose(frame["geometric_normal"][hit], normal[hit], atol=4e-6)
-    np.testing.assert_allclose(frame["position"][hit], np.stack([x, y, z], -1)[hit], atol=2e-6)
+    assert_near(frame["normal"][hit], normal[hit], steep / 4)
+    assert_near(frame["geometric_normal"][hit], normal[hit], steep / 4)
+    assert_near(frame["position"][hit], np.stack([x, y, z], -1)[hit], steep)
     along = np.array([1, 0, 0]) - normal * normal[..., :1]
     shaft = hit & (beyond == 0)
-    np.testing.assert_allclose(frame["tangent"][shaft], along[shaft], atol=1e-6)
+    assert_near(frame["tangent"][shaft], along[shaft], steep[shaft[hit]] / 4)
     # Where both segments have the sphere between them, either may be seen.
     sure = shaft & (np.abs(x) > 0.02)
     np.testing.assert_array_equal(frame["primitive"][sure], (x > 0)[sure])
@@ -74,7 +81,7 @@ def test_a_rod_is_a_cylinder_with_round_ends(scene):
     np.testing.assert_allclose(frame.labels["half_extents"][0], (1.25, 0.25, 0.25), atol=1e-6)
     diagonal = 2 * np.linalg.norm([1.25, 0.25, 0.25])
     nocs = 0.5 + np.stack([x, y, z], -1) / diagonal
-    np.testing.assert_allclose(frame["nocs"][hit], nocs[hit], atol=2e-6)
+    assert_near(frame["nocs"][hit], nocs[hit], steep)
 
 
 def test_a_strand_of_no_length_is_a_sphere_and_poses_stretch_it(scene):
@@ -89,10 +96,10 @@ def test_a_strand_of_no_length_is_a_sphere_and_poses_stretch_it(scene):
     hit = square > 0
     np.testing.assert_array_equal(frame["instance"] != 0, hit)
     c = np.sqrt(np.maximum(square, 0))
-    np.testing.assert_allclose(frame["depth"][hit], 5 - 0.25 * c[hit], atol=2e-6)
+    assert_near(frame["depth"][hit], 5 - 0.25 * c[hit], c[hit])
     normal = np.stack([a / 1.0, b / 0.5, c / 0.25], -1)[hit]
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    np.testing.assert_allclose(frame["normal"][hit], normal, atol=1e-5)
+    assert_near(frame["normal"][hit], normal, c[hit] / 8)
 
 
 def test_a_cone_leans(scene):
@@ -109,10 +116,11 @@ def test_a_cone_leans(scene):
     along = ((x + 1) - width * sine / cosine) / 2  # of the sphere that touches there
     on_cone = (along > 0) & (along < 1) & (np.abs(y) < width - 1e-3)
     z = np.sqrt(np.where(on_cone, width**2 - y**2, 1))
-    np.testing.assert_allclose(frame["depth"][on_cone], 5 - z[on_cone], atol=3e-6)
+    steep = (z / width)[on_cone]
+    assert_near(frame["depth"][on_cone], 5 - z[on_cone], steep)
     out = np.stack([np.full_like(x, sine), cosine * y / width, cosine * z / width], -1)
-    np.testing.assert_allclose(frame["normal"][on_cone], out[on_cone], atol=3e-5)
-    np.testing.assert_allclose(frame["barycentric"][on_cone][:, 0], along[on_cone], atol=2e-5)
+    assert_near(frame["normal"][on_cone], out[on_cone], steep / 2)
+    assert_near(frame["barycentric"][on_cone][:, 0], along[on_cone], steep)
 
 
 def test_flow_of_what_moves(scene):
@@ -185,9 +193,9 @@ def test_questions(scene):
     middle = SIZE / 2 - 0.5
     pixel = (middle + 0.5 * FOCAL, middle - 0.1 * FOCAL)
     picked = scene.pick("cam", [pixel])
-    np.testing.assert_allclose(picked.position, [(0.5, 0.1, z)], atol=1e-6)
+    np.testing.assert_allclose(picked.position, [(0.5, 0.1, z)], atol=3e-6)
     followed = scene.tracks("cam", picked, [0.0])
-    np.testing.assert_allclose(followed.position[0, 0], (0.5, 0.1, z), atol=1e-6)
+    np.testing.assert_allclose(followed.position[0, 0], (0.5, 0.1, z), atol=3e-6)
     assert followed.visible.all()
     assert scene.visible("cam", ["rod"]).share[0] == 1
     for ask in (
