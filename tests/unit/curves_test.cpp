@@ -154,7 +154,7 @@ TEST_CASE("curves: single precision finds what double precision does, at any sca
     ray.direction *= std::exp2(std::floor(uniform(random, -30, 30)));
     const MeshView mesh = view_of(m);
     const PrimitiveAt at{mesh, 0, 0};
-    SegmentHitOf<double> exact;
+    SegmentHitOf<double> exact{};
     ShapeHit hit;
     const dvec3 o(ray.origin), d(ray.direction);
     const bool is_met = meet_segment<double>(at, {o, d, INFINITY}, exact);
