@@ -78,7 +78,7 @@ def test_a_rod_is_a_cylinder_with_round_ends(scene):
     box = [columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]
     assert frame.labels["bbox_visible"][0].tolist() == box
     assert frame.labels["bbox_amodal"][0].tolist() == box
-    np.testing.assert_allclose(frame.labels["half_extents"][0], (1.25, 0.25, 0.25), atol=1e-6)
+    np.testing.assert_allclose(frame.labels["box_half_extents"][0], (1.25, 0.25, 0.25), atol=1e-6)
     diagonal = 2 * np.linalg.norm([1.25, 0.25, 0.25])
     nocs = 0.5 + np.stack([x, y, z], -1) / diagonal
     assert_near(frame["nocs"][hit], nocs[hit], steep)
