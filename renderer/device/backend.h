@@ -1,5 +1,5 @@
-// What a device must do: a backend implements Scenes, HostAnswers and Backend, and has films of its
-// own. Calls come from the one thread that owns the device, unless they say so.
+// What a device must do: a backend implements SceneSource, HostAnswers and Backend, and has films of
+// its own. Calls come from the one thread that owns the device, unless they say so.
 #pragma once
 
 #include <algorithm>
@@ -154,9 +154,9 @@ struct DeviceUse {
 };
 
 /// The scenes of a device, made on the host by the threads of the caller's arena. Thread: any.
-class Scenes {
+class SceneSource {
  public:
-  virtual ~Scenes() = default;
+  virtual ~SceneSource() = default;
   /// What prepare() would have to make. Quick.
   [[nodiscard]] virtual Preparation preparation(const SceneAt& scene) const = 0;
   /// Makes scenes, in their order, from what the nearest ones that are there have in common with
@@ -178,7 +178,7 @@ class HostAnswers {
 };
 
 /// A device: its memory, and what is launched on it.
-class Backend : public Scenes, public HostAnswers {
+class Backend : public SceneSource, public HostAnswers {
  public:
   /// Thread: any.
   [[nodiscard]] virtual const DeviceInfo& info() const = 0;
