@@ -1,5 +1,5 @@
-// What a device must do: a backend implements SceneSource, HostAnswers and Backend, and has films of
-// its own. Calls come from the one thread that owns the device, unless they say so.
+// What a device must do: a backend implements SceneSource, HostAnswers and Backend, and has films
+// of its own. Calls come from the one thread that owns the device, unless they say so.
 #pragma once
 
 #include <algorithm>
