@@ -136,7 +136,11 @@ def _strands(context: Context, curves: Any, each: list[NdArray]) -> Geometry | N
     made = smooth_curves(
         whole[..., :3], [one.shape[1] for one in each], whole[0, :, 3], basis="bezier"
     )
-    return {**made}
+    return {
+        "positions": made["positions"],
+        "curves": made["curves"],
+        "radii": made["radii"],
+    }
 
 
 def _geometry(whole: NdArray, counts: NdArray) -> Geometry:
