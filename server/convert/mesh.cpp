@@ -44,8 +44,8 @@ Status check_complete(const v1::Mesh& message) {
                 "without it");
   if (has_topology(message) && !has_primitives(message))
     return fail(Code::kInvalidArgument, message.has_radii() ? "curves" : "indices",
-                "is missing; a topology is replaced whole: send indices, or curves and radii, and "
-                "positions with it");
+                "is missing; a topology is replaced whole: send indices and positions with it, or "
+                "curves, radii and positions");
   if (message.has_curves()) HELIO_TRY(check_curves(message));
   if (message.has_positions()) return {};
   if (has_primitives(message) || message.has_normals() || message.has_times())

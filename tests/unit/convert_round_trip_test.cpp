@@ -111,6 +111,29 @@ v1::Mesh full_mesh() {
   return mesh;
 }
 
+/// Curves have neither indices nor normals nor tangents of their own.
+v1::Mesh full_strands() {
+  v1::Mesh mesh = full_mesh();
+  mesh.clear_indices();
+  mesh.clear_normals();
+  mesh.clear_tangents();
+  mesh.clear_morph_normals();
+  *mesh.mutable_curves() = u32s({1}, {3});
+  *mesh.mutable_radii() = f32({3}, {0.25f, 0.5f, 0.125f});
+  return mesh;
+}
+
+v1::Camera full_scanner() {
+  auto camera = parse<v1::Camera>(
+      "width: 2 height: 1 projection: PROJECTION_RAY_TABLE aperture: 0 focus_distance: 0 blades: 0 "
+      "blade_rotation: 0 near: 0.5 far: 9 shutter { open: 0 close: 0.25 rolling: 0 }");
+  v1::RayTable& table = *camera.mutable_rays();
+  *table.mutable_rays() = f32({1, 2, 6}, {0, 0, 1, 0, 0, 1, 1, 2, 3, 0, 0, 0});
+  *table.mutable_times() = f32({1, 2}, {0, 0.5f});
+  table.set_interpolated(true);
+  return camera;
+}
+
 v1::Material full_material() {
   auto material = parse<v1::Material>(R"(
     alpha_mode: ALPHA_MODE_BLEND alpha_cutoff: 0.25 two_sided_emission: true unlit: true
@@ -189,7 +212,7 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height", "profile"})
             .empty());
   const v1::Camera& camera = message.edits(0).entity().camera();
-  CHECK(unset(camera, {"distortion"}).empty());
+  CHECK(unset(camera, {"distortion", "rays"}).empty());
   CHECK(unset(camera.shutter(), {}).empty());
   CHECK(unset(camera.rgb_sensor(), {}).empty());
   CHECK(unset(camera.depth_sensor(),
@@ -199,7 +222,7 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   CHECK(unset(message.edits(0).entity().visibility(), {}).empty());
   CHECK(unset(message.edits(0).entity().skin(), {}).empty());
   *add("m")->mutable_mesh() = full_mesh();
-  CHECK(unset(message.edits(1).mesh(), {"clear"}).empty());
+  CHECK(unset(message.edits(1).mesh(), {"clear", "curves", "radii"}).empty());
   *add("mat")->mutable_material() = full_material();
   CHECK(unset(message.edits(2).material(), {"clear"}).empty());
   CHECK(unset(message.edits(2).material().ior().texture(), {}).empty());
@@ -229,6 +252,12 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
         "focus_distance: 0 blades: 0 blade_rotation: 0 near: 0 far: 0 " +
         std::string(lens));
   }
+  *add("scanner")->mutable_entity()->mutable_camera() = full_scanner();
+  CHECK(unset(message.edits(message.edits_size() - 1).entity().camera().rays(), {}).empty());
+  *add("strands")->mutable_mesh() = full_strands();
+  CHECK(unset(message.edits(message.edits_size() - 1).mesh(),
+              {"clear", "indices", "normals", "tangents", "morph_normals"})
+            .empty());
   *add("window")->mutable_entity()->mutable_light() = parse<v1::Light>(
       "color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_CANDELA exposure: 1 temperature: 5800 "
       "two_sided: true shape: SHAPE_RECTANGLE width: 2 height: 3");
