@@ -110,12 +110,14 @@ Status place_on_triangles(const Reader& in, std::vector<TrackPoint>& points,
   for (u64 i = 0; i < points.size(); ++i) {
     const auto topology = topology_of(in.snapshot, points[i].entity);
     if (!topology) return std::unexpected(topology.error());
+    const bool has_curves = !(*topology)->curves.empty();
     if (primitives[i] >= (*topology)->triangles.size())
-      return fail(Code::kInvalidArgument, indexed("primitive", i),
-                  fmt::format("is {}; the mesh has {} primitives", primitives[i],
-                              (*topology)->triangles.size()));
+      return fail(
+          Code::kInvalidArgument, indexed("primitive", i),
+          fmt::format("is {}; the mesh has {} {}", primitives[i], (*topology)->triangles.size(),
+                      has_curves ? "segments" : "triangles"));
     const vec2 w = weights[i];
-    if (!(*topology)->curves.empty()) {
+    if (has_curves) {
       HELIO_CHECK(check_strand_place(w), indexed("barycentric", i));
       points[i].primitive = primitives[i];
       points[i].barycentric = w;

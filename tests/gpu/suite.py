@@ -91,7 +91,8 @@ def environment(bundle, folder):
     wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR)
     own = {"HELIOGRAPHD": f"{bundle}/bin/heliographd"}
     own["HELIOGRAPH_DECODE"] = f"{bundle}/bin/heliograph-decode"
-    own["PYTHONPATH"] = os.pathsep.join([f"{bundle}/python", os.environ.get("PYTHONPATH", "")])
+    paths = [f"{bundle}/python", f"{ROOT}/clients/nvisii", os.environ.get("PYTHONPATH", "")]
+    own["PYTHONPATH"] = os.pathsep.join(paths)
     return {**os.environ, **own}, {**os.environ, **own, "HELIOGRAPHD": str(wrapper)}
 
 

@@ -145,7 +145,7 @@ MATERIALS = "".join(
 )
 
 LEFT_OUT = f"""
-def BasisCurves "Curves"
+def NurbsCurves "Curves"
 {{
     int[] curveVertexCounts = [2]
     point3f[] points = [(0, 0, 0), (1, 0, 0)]

@@ -103,7 +103,7 @@ def test_what_is_left_out_is_named(scene, tmp_path):
     asset = stages.put(scene, stages.written(tmp_path, lit_stages.LEFT_OUT))
     text = "\n".join(asset.warnings)
     for what in (
-        "/Curves: BasisCurves is left out",
+        "/Curves: NurbsCurves is left out",
         "/Ball: catmullClark is not subdivided (give subdivision=)",
         "/Broken: a mesh without faces",
         "/Lamp: shaping:ies is left out",
