@@ -167,8 +167,9 @@ class Reader {
   u32 position_index(std::string_view text) const {
     const u32 found = index(text, positions_.size());
     if (found != kNone) return found;
-    refuse("", fmt::format("vertex '{}' is not one of the {} so far", clean_text(text, 120),
-                           positions_.size()));
+    // Errors are logged, and a log has nothing of a file: a number alone is quoted.
+    if (!parse<i64>(text)) refuse("", "a face names a vertex by what is no number");
+    refuse("", fmt::format("vertex '{}' is not one of the {} so far", text, positions_.size()));
   }
   /// Faces may do without vn and vt.
   u32 other_index(std::string_view text, std::size_t count) {
