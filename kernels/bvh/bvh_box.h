@@ -109,7 +109,7 @@ KERNEL BvhBox primitive_box(const MeshView& mesh, u32 number) {
   return box;
 }
 
-/// Whether the tree over a mesh has its triangles, not their numbers alone.
+/// True if the tree over a mesh has its triangles, not their numbers alone.
 KERNEL bool has_packed_triangles(const MeshView& mesh) {
   return mesh.segments == 0 && mesh.shape == Shape::kTriangles;
 }

@@ -1,5 +1,6 @@
-// What few rays need of a walk: holes, what moves or deforms, primitives that are no triangles. It
-// stays out of the walk, and takes none of its state by reference. Called by bvh_tracer.h.
+// Parts of a walk that few rays need: holes, motion and deformation, primitives that are no
+// triangles. They stay out of the walk, and take none of its state by reference. Called by
+// bvh_tracer.h.
 #pragma once
 
 #include "kernels/bvh/bvh_meet.h"

@@ -213,7 +213,7 @@ class BvhWalkFor {
     }
   }
 
-  /// Whether the instance that the walk is in has no packed triangles because it has curves.
+  /// True if the instance that the walk is in has curves.
   KERNEL bool has_curves() const {
     return scene_->meshes[bvh_->items[item_].mesh].shape == Shape::kCurves;
   }

@@ -1,5 +1,5 @@
-// What lenses do to straight lines: the models of Brown and Conrady and of Kannala and Brandt, and
-// their inverses; in f32 for rays, in f64 for labels. Called by projection.h.
+// Models of distortion, Brown and Conrady's and Kannala and Brandt's, and their inverses; in f32
+// for rays, in f64 for labels. Called by projection.h.
 #pragma once
 
 #include "kernels/core/math.h"

@@ -22,6 +22,17 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+/// The common part of lenses without coefficients.
+struct UndistortedLens {
+  static constexpr const char* kDistortion = "";
+  static constexpr bool takes(u32) { return false; }
+
+  template <class F>
+  KERNEL static F limit(const LensModel<F>&) {
+    return INFINITY;
+  }
+};
+
 struct PerspectiveLens {
   static constexpr bool kStraight = true, kParallel = false, kWraps = false;
   static constexpr const char* kDistortion =
@@ -52,15 +63,9 @@ struct PerspectiveLens {
   }
 };
 
-struct OrthographicLens {
+struct OrthographicLens : UndistortedLens {
   static constexpr bool kStraight = true, kParallel = true, kWraps = false;
-  static constexpr const char* kDistortion = "";
-  static constexpr bool takes(u32) { return false; }
 
-  template <class F>
-  KERNEL static F limit(const LensModel<F>&) {
-    return INFINITY;
-  }
   template <class F>
   KERNEL static bool project(const LensModel<F>&, Vec3<F> p, Vec2<F>& m) {
     m = Vec2<F>(p.x, p.y);
@@ -103,15 +108,9 @@ struct FisheyeLens {
 };
 
 /// Longitude along x, latitude along y.
-struct EquirectangularLens {
+struct EquirectangularLens : UndistortedLens {
   static constexpr bool kStraight = false, kParallel = false, kWraps = true;
-  static constexpr const char* kDistortion = "";
-  static constexpr bool takes(u32) { return false; }
 
-  template <class F>
-  KERNEL static F limit(const LensModel<F>&) {
-    return INFINITY;
-  }
   template <class F>
   KERNEL static bool project(const LensModel<F>&, Vec3<F> p, Vec2<F>& m) {
     m = Vec2<F>(angle_of(p.x, p.z), angle_of(p.y, std::sqrt(p.x * p.x + p.z * p.z)));
@@ -127,15 +126,9 @@ struct EquirectangularLens {
 };
 
 /// A ray of its own for each pixel (ray_table.h): nothing says where it sees a point.
-struct RayTableLens {
+struct RayTableLens : UndistortedLens {
   static constexpr bool kStraight = false, kParallel = false, kWraps = false;
-  static constexpr const char* kDistortion = "";
-  static constexpr bool takes(u32) { return false; }
 
-  template <class F>
-  KERNEL static F limit(const LensModel<F>&) {
-    return INFINITY;
-  }
   template <class F>
   KERNEL static bool project(const LensModel<F>&, Vec3<F>, Vec2<F>& m) {
     m = Vec2<F>(0);

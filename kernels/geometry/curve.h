@@ -101,7 +101,8 @@ KERNEL bool approach(const RoundSegmentOf<F>& s, const ConeOf<F>& cone, NearRay<
   return true;
 }
 
-/// What a ray crosses of a segment's surface: the first sphere, the cone, or the second sphere.
+/// Piece of a segment's surface that a ray crosses: the first sphere, the cone, or the second
+/// sphere.
 enum class SegmentPart : u8 { kFirst, kCone, kSecond };
 
 /// Where a ray enters a segment and where it leaves it, along a NearRay. The segment is convex and

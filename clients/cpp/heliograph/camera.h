@@ -102,8 +102,8 @@ struct Camera {
   static Camera equirectangular(std::uint32_t width, std::uint32_t height);
 
   /// Such a camera is rendered at its own size and does not tell where it sees a point: flow in
-  /// pixels, disparity, keypoints and tracks are kUnimplemented. Rays of another shape are
-  /// kInvalidArgument.
+  /// pixels, disparity, tracks, and keypoints where a mesh has some, are kUnimplemented. Rays of
+  /// another shape are kInvalidArgument.
   static Camera from_rays(RayTable rays);
 
   [[nodiscard]] Mat3 K() const;

@@ -184,7 +184,8 @@ class Camera:
         scanner's beams. fields: any others of a Camera but fx, fy, cx, cy, aperture and rolling.
 
         Such a camera is rendered at its own size. It does not tell where it sees a point: flow in
-        pixels, disparity, keypoints and tracks are refused, and corners_image is nan."""
+        pixels, disparity, tracks, and keypoints where a mesh has some, are refused, and
+        corners_image is nan."""
         from .ray_table import RayTable
 
         table = RayTable.of(rays, times, interpolated)
