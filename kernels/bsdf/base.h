@@ -18,10 +18,20 @@ enum class Interface : u8 {
   kSheet,  // thin-walled: straight on, through both faces
 };
 
-/// The opaque lobes of a base, of microfacets that are no perfect mirrors. They show on both sides
-/// of the surface.
+/// Where a condition holds that plain programs never meet.
+template <class Bool>
+KERNEL Bool rich(Bool condition) {
+  return kRich ? condition : Bool(false);
+}
+
+/// A sum of
+///   diffuse   Lambert under the coat, scaled by what the coat lets in and out
+///   inside    what enters the coat, travels inside the body and leaves elsewhere (subsurface.h)
+///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
+///             light that microfacets scatter more than once
+///   through   what passes to the other side; its probability is what the others leave
 template <class F>
-struct OpaqueBase {
+struct BaseOf {
   FrameOf<F> frame;  // z: shading normal on wo's side
   Vec3<F> ng;        // geometric normal on wo's side
   Vec3<F> wo;        // local
@@ -33,65 +43,63 @@ struct OpaqueBase {
   F average_entering;                  // average over wi of 1 - coat albedo, layers included
   AlbedoRowOf<F> albedo;
   GgxOf<F> facets;
-  F diffuse_probability;  // of sampling by cosine
-  F facet_probability;    // of sampling a microfacet
-};
-
-/// A sum of
-///   diffuse   Lambert under the coat, scaled by what the coat lets in and out
-///   inside    what enters the coat, travels inside the body and leaves elsewhere (subsurface.h)
-///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
-///             light that microfacets scatter more than once
-///   through   what passes to the other side; its probability is what the others leave
-struct Base : OpaqueBase<float> {
-  float plastic, metallic;     // weights of coat and metal
-  ThinFilm film;               // on both
-  vec3 film_coat, film_metal;  // amplitude_below() it; set where there is one
-  AnisotropicRow anisotropic;  // in place of `albedo`, where the aspect is not 1
-  vec3 glass_tint;             // of light that passes
-  vec3 glass_specular;         // scales the exact Fresnel reflectance
-  vec3 glass_reflectance;      // where what passes is a lobe of its own: constant over microfacets
-  float glass;                 // weight of the interface; 0: none
-  vec3 glass_scale;            // makes up for light that a rough interface scatters more than once
-  float through_scale;         // the same of what passes by itself
-  ThinFilm glass_film;         // on the interface
-  float eta;                   // index of the far side over that of wo's side
-  Ggx through;
-  float subsurface_probability;  // of light that travels inside the body
-  float subsurface;              // share of light that does
-  float reflectance;             // about the share of light that all of it gives off
-  Interface interface;
-  bool coated;         // what is sampled by cosine depends on the albedo of wi
-  bool delta;          // the microfacets are perfect mirrors
-  bool through_delta;  // and so is what passes, where it has a roughness of its own
+  F diffuse_probability;            // of sampling by cosine
+  F facet_probability;              // of sampling a microfacet
+  F plastic, metallic;              // weights of coat and metal
+  ThinFilmOf<F> film;               // on both
+  Vec3<F> film_coat, film_metal;    // amplitude_below() it; set where there is one
+  AnisotropicRowOf<F> anisotropic;  // in place of `albedo`, where the aspect is not 1
+  Vec3<F> glass_tint;               // of light that passes
+  Vec3<F> glass_specular;           // scales the exact Fresnel reflectance
+  Vec3<F> glass_reflectance;  // where what passes is a lobe of its own: constant over microfacets
+  F glass;                    // weight of the interface; 0: none
+  Vec3<F> glass_scale;        // makes up for light that a rough interface scatters more than once
+  F through_scale;            // the same of what passes by itself
+  ThinFilmOf<F> glass_film;   // on the interface
+  F eta;                      // index of the far side over that of wo's side
+  GgxOf<F> through;
+  F subsurface_probability;  // of light that travels inside the body
+  F subsurface;              // share of light that does
+  F reflectance;             // about the share of light that all of it gives off
+  EnumOf<F, Interface> interface;
+  BoolOf<F> coated;         // what is sampled by cosine depends on the albedo of wi
+  BoolOf<F> delta;          // the microfacets are perfect mirrors
+  BoolOf<F> through_delta;  // and so is what passes, where it has a roughness of its own
 };
 
 /// The normal turned towards ng just as far as a mirror direction needs to leave the surface.
 ///
 /// Source: Cycles 4, ensure_valid_specular_reflection(), which solves dot(reflected, ng) =
 /// threshold. ng, ns, wo are unit; wo lies in the hemisphere of ng.
-KERNEL vec3 bend_normal(vec3 ng, vec3 wo, vec3 ns) {
-  const float cos_ng = dot(wo, ng);
-  const float threshold = min2(0.9f * cos_ng, 0.01f);
-  const float cos_ns = dot(ns, wo);
-  if (2 * cos_ns * dot(ns, ng) - cos_ng >= threshold && cos_ns > 0) return ns;
-  const vec3 x = normalize_or(ns - ng * dot(ns, ng), make_frame(ng).s);
-  const float wx = dot(wo, x);
-  const float a = max2(wx * wx + cos_ng * cos_ng, 1e-12f);
-  const float b = 2 * (a + cos_ng * threshold);
-  const float c = sqr(threshold + cos_ng);
-  const float root = safe_sqrt(b * b - 4 * a * c);
-  const float nz2 = clamp01(0.25f * (wx < 0 ? b + root : b - root) / a);
-  return normalize(x * safe_sqrt(1 - nz2) + ng * std::sqrt(nz2));
+template <class F>
+KERNEL Vec3<F> bend_normal(Vec3<F> ng, Vec3<F> wo, Vec3<F> ns) {
+  const F cos_ng = dot(wo, ng);
+  const F threshold = min2(0.9f * cos_ng, F(0.01f));
+  const F cos_ns = dot(ns, wo);
+  const BoolOf<F> leaves = (2 * cos_ns * dot(ns, ng) - cos_ng >= threshold) & (cos_ns > 0);
+  if (all(leaves)) return ns;
+  const Vec3<F> x = normalize_or(ns - ng * dot(ns, ng), make_frame(ng).s);
+  const F wx = dot(wo, x);
+  const F a = max2(wx * wx + cos_ng * cos_ng, F(1e-12f));
+  const F b = 2 * (a + cos_ng * threshold);
+  const F c = sqr(threshold + cos_ng);
+  const F root = safe_sqrt(b * b - 4 * a * c);
+  const F nz2 = clamp01(0.25f * select(wx < 0, b + root, b - root) / a);
+  return select(leaves, ns, normalize(x * safe_sqrt(1 - nz2) + ng * sqrt(nz2)));
 }
 
 /// A frame about n whose s lies along t as far as it can; t zero: anywhere.
-KERNEL Frame make_frame(vec3 n, vec3 t) {
-  const vec3 s = t - n * dot(n, t);
-  const float length2 = dot(s, s);
-  if (!(length2 > 1e-12f)) return make_frame(n);
-  const vec3 unit = s * (1 / std::sqrt(length2));
-  return {unit, cross(n, unit), n};
+template <class F>
+KERNEL FrameOf<F> make_frame(Vec3<F> n, Vec3<F> t) {
+  const Vec3<F> s = t - n * dot(n, t);
+  const F length2 = dot(s, s);
+  return either(
+      length2 > 1e-12f,
+      [&] {
+        const Vec3<F> unit = s * (1 / sqrt(length2));
+        return FrameOf<F>{unit, cross(n, unit), n};
+      },
+      [&] { return make_frame(n); });
 }
 
 /// Colour of light that leaves rough microfacets after more than one scattering, per unit of energy
@@ -104,20 +112,35 @@ KERNEL Vec3<F> multiple_scattering(Vec3<F> f_avg, F e_avg) {
 }
 
 /// Whether highlights are stretched.
-KERNEL bool is_stretched(const Base& b) { return kRich && b.anisotropic.aspect < 1; }
+template <class F>
+KERNEL BoolOf<F> is_stretched(const BaseOf<F>& b) {
+  return rich(b.anisotropic.aspect < 1);
+}
 /// Whether some light travels inside the body.
-KERNEL bool has_body(const Base& b) { return kRich && b.subsurface_probability > 0; }
-KERNEL bool has_film(const ThinFilm& film) { return kRich && film.weight > 0; }
+template <class F>
+KERNEL BoolOf<F> has_body(const BaseOf<F>& b) {
+  return rich(b.subsurface_probability > 0);
+}
+template <class F>
+KERNEL BoolOf<F> has_film(const ThinFilmOf<F>& film) {
+  return rich(film.weight > 0);
+}
 
 /// w: local
-KERNEL Albedo base_albedo(const Base& b, vec3 w) {
-  if (b.delta) return {1, schlick_weight(w.z)};
-  return is_stretched(b) ? albedo_at(b.anisotropic, w) : albedo_at(b.albedo, w.z);
+template <class F>
+KERNEL AlbedoOf<F> base_albedo(const BaseOf<F>& b, Vec3<F> w) {
+  return either(
+      b.delta, [&] { return AlbedoOf<F>{F(1), schlick_weight(w.z)}; },
+      [&] {
+        return either(
+            is_stretched(b), [&] { return albedo_at(b.anisotropic, w); },
+            [&] { return albedo_at(b.albedo, w.z); });
+      });
 }
 
 /// Share of light that the coat reflects.
 template <class F>
-KERNEL F coat_albedo(const OpaqueBase<F>& b, const AlbedoOf<F>& a) {
+KERNEL F coat_albedo(const BaseOf<F>& b, const AlbedoOf<F>& a) {
   return b.coat_f0 * (a.total - a.schlick) + b.coat_f90 * a.schlick +
          b.coat_multiple * (1 - a.total);
 }

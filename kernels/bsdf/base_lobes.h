@@ -14,223 +14,305 @@ struct BsdfValueOf {
   F pdf = 0;
 };
 using BsdfValue = BsdfValueOf<float>;
+template <LaneMask M, class F>
+KERNEL BsdfValueOf<F> select(M m, const BsdfValueOf<F>& a, const BsdfValueOf<F>& b) {
+  return {select(m, a.diffuse, b.diffuse), select(m, a.glossy, b.glossy), select(m, a.pdf, b.pdf)};
+}
 
 enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kSubsurface };
 
-struct BsdfSample {
-  vec3 wi;          // unit, world; unset for kSubsurface
-  vec3 weight{0};   // f |cos| / pdf; for kSubsurface that of light that enters
-  vec3 diffuse{0};  // what of the weight is diffuse
-  float pdf;        // 1/sr; 0: a delta lobe, or light that travels inside
-  float eta;        // index of the far side over the near side when refracted, else 1
-  Lobe lobe;
+template <class F>
+struct BsdfSampleOf {
+  Vec3<F> wi{0};       // unit, world; means nothing for kSubsurface
+  Vec3<F> weight{0};   // f |cos| / pdf; for kSubsurface that of light that enters
+  Vec3<F> diffuse{0};  // what of the weight is diffuse
+  F pdf = 0;           // 1/sr; 0: a delta lobe, or light that travels inside
+  F eta = 1;           // index of the far side over the near side when refracted, else 1
+  EnumOf<F, Lobe> lobe = Lobe::kDiffuse;
 };
+using BsdfSample = BsdfSampleOf<float>;
+template <LaneMask M, class F>
+KERNEL BsdfSampleOf<F> select(M m, const BsdfSampleOf<F>& a, const BsdfSampleOf<F>& b) {
+  return {select(m, a.wi, b.wi),   select(m, a.weight, b.weight), select(m, a.diffuse, b.diffuse),
+          select(m, a.pdf, b.pdf), select(m, a.eta, b.eta),       select(m, a.lobe, b.lobe)};
+}
 
 /// Whether what passes is a lobe of its own, and the probability of choosing it.
-KERNEL bool passes_apart(const Base& b) { return kRich && b.interface > Interface::kJoint; }
-KERNEL float through_probability(const Base& b) {
-  return max2(1 - b.diffuse_probability - b.facet_probability - b.subsurface_probability, 0.0f);
+template <class F>
+KERNEL BoolOf<F> passes_apart(const BaseOf<F>& b) {
+  return rich((b.interface == Interface::kSplit) | (b.interface == Interface::kSheet));
+}
+template <class F>
+KERNEL F through_probability(const BaseOf<F>& b) {
+  return max2(1 - b.diffuse_probability - b.facet_probability - b.subsurface_probability, F(0));
 }
 
 /// Its colour.
-KERNEL vec3 through_color(const Base& b) {
-  return b.glass_tint * (vec3(1) - b.glass_reflectance) * (b.glass * b.through_scale);
+template <class F>
+KERNEL Vec3<F> through_color(const BaseOf<F>& b) {
+  return b.glass_tint * (Vec3<F>(1) - b.glass_reflectance) * (b.glass * b.through_scale);
 }
 
 /// What a microfacet of coat and metal reflects at cosine c = wo.h.
 template <class F>
-KERNEL Vec3<F> opaque_facet(const OpaqueBase<F>& b, F c) {
+KERNEL Vec3<F> opaque_facet(const BaseOf<F>& b, F c) {
   return b.f0 + (Vec3<F>(b.f90) - b.f0) * schlick_weight(c);
 }
 
 /// What a microfacet does with light at cosine c = wo.h.
-struct Facet {
-  vec3 reflected;
-  vec3 transmitted;
-  float cos_t;  // of the refracted direction
-  float reflect_probability;
+template <class F>
+struct FacetOf {
+  Vec3<F> reflected;
+  Vec3<F> transmitted;
+  F cos_t;  // of the refracted direction
+  F reflect_probability;
 };
-KERNEL Facet facet_of(const Base& b, float c) {
-  Facet f{opaque_facet(b, c), vec3(0), 0, 1};
-  if (has_film(b.film) && b.f90 > 0) {
-    const Reflectances film = film_at(b, c);
-    const vec3 covered = film.coat * b.plastic + film.metal * b.metallic;
-    f.reflected += (covered - f.reflected) * b.film.weight;
+template <class F>
+KERNEL FacetOf<F> facet_of(const BaseOf<F>& b, F c) {
+  const Vec3<F> none(0);
+  FacetOf<F> f{opaque_facet(b, c), none, F(0), F(1)};
+  if (const auto covered = has_film(b.film) & (b.f90 > 0); any(covered)) {
+    const ReflectancesOf<F> film = film_at(b, c);
+    const Vec3<F> both = film.coat * b.plastic + film.metal * b.metallic;
+    f.reflected += select(covered, (both - f.reflected) * b.film.weight, none);
   }
-  if (b.glass <= 0) return f;
-  const vec3 glass = b.glass_scale * b.glass;
-  if (passes_apart(b)) {
-    f.reflected += b.glass_reflectance * glass;
-    return f;
-  }
-  const Fresnel exact = fresnel_dielectric(c, b.eta);
-  const vec3 r = b.glass_specular * glass_at(b, c, exact.reflectance);
-  f.cos_t = exact.cos_t;
-  if (exact.cos_t > 0) {
-    f.reflected += r * glass;
-    f.transmitted = b.glass_tint * (vec3(1) - r) * glass;
-  } else {
-    f.reflected += glass;
-  }
-  const float up = luminance(f.reflected);
-  const float down = luminance(f.transmitted);
-  f.reflect_probability = up + down > 0 ? up / (up + down) : 1;
+  const BoolOf<F> glass = b.glass > 0;
+  if (!any(glass)) return f;
+  const Vec3<F> scale = b.glass_scale * b.glass;
+  const BoolOf<F> apart = glass & passes_apart(b), joint = glass & !apart;
+  if (any(apart)) f.reflected += select(apart, b.glass_reflectance * scale, none);
+  if (!any(joint)) return f;
+  const FresnelOf<F> exact = fresnel_dielectric(c, b.eta);
+  const BoolOf<F> refracts = joint & (exact.cos_t > 0);
+  const Vec3<F> r = b.glass_specular * glass_at(b, c, exact.reflectance);
+  f.cos_t = select(joint, exact.cos_t, F(0));
+  f.reflected += select(joint, select(refracts, r * scale, scale), none);
+  f.transmitted = select(refracts, b.glass_tint * (Vec3<F>(1) - r) * scale, none);
+  const F up = luminance(f.reflected);
+  const F down = luminance(f.transmitted);
+  f.reflect_probability = select(joint & (up + down > 0), up / (up + down), F(1));
   return f;
 }
 
-HELIO_GPU_NOINLINE KERNEL void add_sheet(const Base& b, vec3 wi, BsdfValue& out) {
-  const vec3 mirrored(wi.x, wi.y, -wi.z);
-  const float density = ggx_density(normalize(b.wo + mirrored), b.through);
+/// Light that passes both faces of a sheet.
+template <class F>
+HELIO_GPU_NOINLINE KERNEL BsdfValueOf<F> sheet_value(const BaseOf<F>& b, Vec3<F> wi) {
+  BsdfValueOf<F> out;
+  const Vec3<F> mirrored(wi.x, wi.y, -wi.z);
+  const F density = ggx_density(Vec3<F>(normalize(b.wo + mirrored)), b.through);
   out.glossy = through_color(b) * (ggx_reflection(b.wo, mirrored, density, b.through) * mirrored.z);
   out.pdf = through_probability(b) * 0.25f * ggx_visible_density(b.wo, density, b.through);
+  return out;
 }
 
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
-  vec3 h = b.wo + wi * b.eta;
-  h = normalize(h.z < 0 ? -h : h);
-  const float wo_h = dot(b.wo, h);
-  const float wi_h = dot(wi, h);
-  if (wo_h <= 0 || wi_h >= 0) return;
-  vec3 color;
-  float probability;
-  if (passes_apart(b)) {
+/// Light that refracts through one face.
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> refraction_value(const BaseOf<F>& b,
+                                                                       Vec3<F> wi) {
+  BsdfValueOf<F> out;
+  Vec3<F> h = b.wo + wi * b.eta;
+  h = normalize(select(h.z < 0, -h, h));
+  const F wo_h = dot(b.wo, h);
+  const F wi_h = dot(wi, h);
+  const BoolOf<F> passes = (wo_h > 0) & (wi_h < 0);
+  if (!any(passes)) return out;
+  Vec3<F> color(0);
+  F probability(0);
+  const BoolOf<F> apart = passes_apart(b);
+  if (any(apart)) {
     color = through_color(b);
     probability = through_probability(b);
-  } else {
-    const Facet f = facet_of(b, wo_h);
-    color = f.transmitted;
-    probability = b.facet_probability * (1 - f.reflect_probability);
   }
-  const float density = ggx_density(h, b.through);
-  const float jacobian = -wi_h / sqr(wi_h + wo_h / b.eta);
-  const float lambdas = ggx_lambda(b.wo, b.through) + ggx_lambda(wi, b.through);
+  if (!all(apart)) {
+    const FacetOf<F> f = facet_of(b, wo_h);
+    color = select(apart, color, f.transmitted);
+    probability = select(apart, probability, b.facet_probability * (1 - f.reflect_probability));
+  }
+  const F density = ggx_density(h, b.through);
+  const F jacobian = -wi_h / sqr(wi_h + wo_h / b.eta);
+  const F lambdas = ggx_lambda(b.wo, b.through) + ggx_lambda(wi, b.through);
   // Walter et al. 2007, equation 21, over eta^2: radiance spreads or gathers as it refracts.
-  out.glossy = color * (density * wo_h * jacobian / (b.wo.z * (1 + lambdas) * sqr(b.eta)));
-  out.pdf = probability * jacobian * wo_h * ggx_visible_density(b.wo, density, b.through);
-}
-
-/// Adds what microfacets with normal h reflect. probability: of sampling them by reflection
-template <class F>
-KERNEL void add_facets(const OpaqueBase<F>& b, Vec3<F> wi, Vec3<F> h, Vec3<F> reflected,
-                       F probability, BsdfValueOf<F>& out) {
-  const F density = ggx_density(h, b.facets);
-  out.glossy += reflected * (ggx_reflection(b.wo, wi, density, b.facets) * wi.z);
-  out.pdf += probability * 0.25f * ggx_visible_density(b.wo, density, b.facets);
-}
-
-KERNEL void add_reflection(const Base& b, vec3 wi, BsdfValue& out) {
-  const vec3 h = normalize(b.wo + wi);
-  const Facet f = facet_of(b, dot(b.wo, h));
-  add_facets(b, wi, h, f.reflected, b.facet_probability * f.reflect_probability, out);
-}
-
-/// Adds the lobes sampled by cosine, under a coat. in: albedo of the microfacets at wi
-template <class F>
-KERNEL void add_coated(const OpaqueBase<F>& b, Vec3<F> wi, const AlbedoOf<F>& in,
-                       BsdfValueOf<F>& out) {
-  out.diffuse = b.diffuse * wi.z * (1 - coat_albedo(b, in));
-  out.glossy = b.multiple * (wi.z * max2(1 - in.total, F(0)));
+  const Vec3<F> glossy =
+      color * (density * wo_h * jacobian / (b.wo.z * (1 + lambdas) * sqr(b.eta)));
+  const F pdf = probability * jacobian * wo_h * ggx_visible_density(b.wo, density, b.through);
+  out.glossy = select(passes, glossy, Vec3<F>(0));
+  out.pdf = select(passes, pdf, F(0));
+  return out;
 }
 
 /// Light that passes the surface to wi, below it (local).
-KERNEL void add_through(const Base& b, vec3 wi, BsdfValue& out) {
-  if (b.interface == Interface::kNone) return;
-  const bool apart = passes_apart(b);
-  if (apart ? b.through_delta : b.delta) return;
-  if (apart && b.interface == Interface::kSheet)
-    add_sheet(b, wi, out);
-  else
-    add_refraction(b, wi, out);
+template <class F>
+KERNEL BsdfValueOf<F> through_value(const BaseOf<F>& b, Vec3<F> wi) {
+  const BsdfValueOf<F> none;
+  const BoolOf<F> apart = passes_apart(b);
+  const BoolOf<F> mirrors = select(apart, b.through_delta, b.delta);
+  const BoolOf<F> passes = (b.glass > 0) & !mirrors;
+  if (!any(passes)) return none;
+  const BoolOf<F> sheet = apart & (b.interface == Interface::kSheet);
+  const BsdfValueOf<F> value =
+      either(sheet, [&] { return sheet_value(b, wi); }, [&] { return refraction_value(b, wi); });
+  return select(passes, value, none);
+}
+
+/// Adds what microfacets reflect.
+template <class F>
+KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, BsdfValueOf<F>& out) {
+  const Vec3<F> h = normalize(b.wo + wi);
+  const FacetOf<F> f = facet_of(b, F(dot(b.wo, h)));
+  const F density = ggx_density(h, b.facets);
+  out.glossy += f.reflected * (ggx_reflection(b.wo, wi, density, b.facets) * wi.z);
+  out.pdf += b.facet_probability * f.reflect_probability * 0.25f *
+             ggx_visible_density(b.wo, density, b.facets);
+}
+
+/// The lobes sampled by cosine, to wi above the surface.
+template <class F>
+KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<F> wi) {
+  BsdfValueOf<F> out;
+  out.pdf = b.diffuse_probability * wi.z * kInvPi;
+  out.diffuse = b.diffuse * wi.z;
+  if (!any(b.coated)) return out;
+  const AlbedoOf<F> in = base_albedo(b, wi);
+  out.diffuse *= 1 - coat_albedo(b, in);
+  out.glossy = b.multiple * (wi.z * max2(1 - in.total, F(0)));
+  return out;
 }
 
 /// wi     local
 /// side   cosine of wi to the geometric normal
-KERNEL BsdfValue evaluate_base(const Base& b, vec3 wi, float side) {
-  BsdfValue out;
-  if (wi.z <= 0) {
-    if (wi.z < 0 && side < 0) add_through(b, wi, out);
-    return out;
+template <class F>
+KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F>& b, Vec3<F> wi, F side) {
+  BsdfValueOf<F> out;
+  if (const auto below = (wi.z < 0) & (side < 0); any(below))
+    out = select(below, through_value(b, wi), out);
+  const BoolOf<F> above = (wi.z > 0) & (side > 0);
+  if (const auto cosine = above & (b.diffuse_probability > 0); any(cosine))
+    out = select(cosine, cosine_value(b, wi), out);
+  if (const auto facets = above & (b.facet_probability > 0) & !b.delta; any(facets)) {
+    BsdfValueOf<F> both = out;
+    add_reflection(b, wi, both);
+    out = select(facets, both, out);
   }
-  if (side <= 0) return out;
-  if (b.diffuse_probability > 0) {
-    out.pdf = b.diffuse_probability * wi.z * kInvPi;
-    if (b.coated)
-      add_coated(b, wi, base_albedo(b, wi), out);
-    else
-      out.diffuse = b.diffuse * wi.z;
-  }
-  if (b.facet_probability > 0 && !b.delta) add_reflection(b, wi, out);
   return out;
 }
 
-/// A direction that has been chosen, before its weight is known unless it is that of a mirror or
-/// of light that travels inside.
-struct Chosen {
-  bool valid;
-  bool delta;
+/// Which directions have been chosen, before their weights are known unless they are those of a
+/// mirror or of light that travels inside.
+template <class F>
+struct ChosenOf {
+  BoolOf<F> valid;
+  BoolOf<F> delta;
+};
+
+template <LaneMask M, class F>
+KERNEL ChosenOf<F> select(M m, const ChosenOf<F>& a, const ChosenOf<F>& b) {
+  return {select(m, a.valid, b.valid), select(m, a.delta, b.delta)};
+}
+
+/// A direction by a microfacet. Local.
+template <class F>
+struct FacetChoice {
+  Vec3<F> wi;
+  BoolOf<F> valid;
 };
 
 /// Passes on light to the other side by a lobe of its own.
-HELIO_GPU_NOINLINE KERNEL Chosen choose_through(const Base& b, vec2 u, BsdfSample& s) {
-  const vec3 h = b.through_delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.through, u);
-  const float wo_h = dot(b.wo, h);
+template <class F>
+HELIO_GPU_NOINLINE KERNEL FacetChoice<F> choose_through(const BaseOf<F>& b, Vec2<F> u,
+                                                        BsdfSampleOf<F>& s) {
+  const Vec3<F> h = either(
+      b.through_delta, [] { return Vec3<F>(0, 0, 1); },
+      [&] { return sample_ggx(b.wo, b.through, u); });
+  const F wo_h = dot(b.wo, h);
   s.lobe = Lobe::kTransmission;
-  s.eta = 1;
-  vec3 wi;
-  if (b.interface == Interface::kSheet) {
-    wi = h * (2 * wo_h) - b.wo;
-    wi.z = -wi.z;
-    s.weight = through_color(b) / through_probability(b);
-  } else {
-    const Fresnel exact = fresnel_dielectric(wo_h, b.eta);
-    if (!(exact.cos_t > 0)) return {false, false};
-    wi = h * (wo_h / b.eta - exact.cos_t) - b.wo * (1 / b.eta);
-    s.eta = b.eta;
+  const BoolOf<F> sheet = b.interface == Interface::kSheet;
+  const Vec3<F> mirrored = h * (2 * wo_h) - b.wo;
+  Vec3<F> wi(mirrored.x, mirrored.y, -mirrored.z);
+  if (any(sheet)) s.weight = through_color(b) / through_probability(b);
+  BoolOf<F> passes = true;
+  if (!all(sheet)) {
+    const FresnelOf<F> exact = fresnel_dielectric(wo_h, b.eta);
+    passes = sheet | (exact.cos_t > 0);
+    wi = select(sheet, wi, h * (wo_h / b.eta - exact.cos_t) - b.wo * (1 / b.eta));
+    s.eta = select(sheet, F(1), b.eta);
   }
-  s.wi = to_world(b.frame, wi);
-  return {wo_h > 0 && wi.z < 0 && dot(s.wi, b.ng) < 0, b.through_delta};
+  passes = passes & (wo_h > 0) & (wi.z < 0);
+  return {wi, passes};
 }
 
 /// Reflects from or refracts through a microfacet. u: for the choice between the two.
-KERNEL Chosen choose_facet(const Base& b, float u, vec3 h, BsdfSample& s) {
-  const float wo_h = dot(b.wo, h);
-  if (wo_h <= 0) return {false, false};
-  const Facet f = facet_of(b, wo_h);
-  const bool reflect = u < f.reflect_probability;
-  const vec3 wi =
-      reflect ? h * (2 * wo_h) - b.wo : h * (wo_h / b.eta - f.cos_t) - b.wo * (1 / b.eta);
-  if (reflect != (wi.z > 0)) return {false, false};
-  s.wi = to_world(b.frame, wi);
-  s.lobe = reflect ? Lobe::kGlossy : Lobe::kTransmission;
-  s.eta = reflect ? 1 : b.eta;
-  if (!b.delta) return {true, false};
-  s.weight = reflect
-                 ? f.reflected / (f.reflect_probability * b.facet_probability)
-                 : f.transmitted / ((1 - f.reflect_probability) * b.facet_probability * sqr(b.eta));
-  return {dot(s.wi, b.ng) * (reflect ? 1.0f : -1.0f) > 0, true};
+template <class F>
+KERNEL FacetChoice<F> choose_facet(const BaseOf<F>& b, F u, Vec3<F> h, BsdfSampleOf<F>& s) {
+  const F wo_h = dot(b.wo, h);
+  const FacetOf<F> f = facet_of(b, wo_h);
+  const BoolOf<F> reflect = u < f.reflect_probability;
+  const Vec3<F> wi = either(
+      reflect, [&] { return Vec3<F>(h * (2 * wo_h) - b.wo); },
+      [&] { return Vec3<F>(h * (wo_h / b.eta - f.cos_t) - b.wo * (1 / b.eta)); });
+  s.lobe = select(reflect, EnumOf<F, Lobe>(Lobe::kGlossy), EnumOf<F, Lobe>(Lobe::kTransmission));
+  s.eta = either(reflect, [] { return F(1); }, [&] { return b.eta; });
+  if (any(b.delta)) {
+    s.weight = either(
+        reflect,
+        [&] { return Vec3<F>(f.reflected / (f.reflect_probability * b.facet_probability)); },
+        [&] {
+          const F probability = (1 - f.reflect_probability) * b.facet_probability;
+          return Vec3<F>(f.transmitted / (probability * sqr(b.eta)));
+        });
+  }
+  const BoolOf<F> valid = (wo_h > 0) & select(reflect, wi.z > 0, wi.z <= 0);
+  return {wi, valid};
 }
 
 /// u_lobe, u   uniform in [0, 1)
-KERNEL Chosen choose_base(const Base& b, float u_lobe, vec2 u, BsdfSample& s) {
-  if (u_lobe < b.diffuse_probability) {
-    s.wi = to_world(b.frame, sample_cosine(u));
-    s.lobe = Lobe::kDiffuse;
-    s.eta = 1;
-    return {true, false};
+template <class F>
+KERNEL ChosenOf<F> choose_base(const BaseOf<F>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
+  using LobeOf = EnumOf<F, Lobe>;
+  const BoolOf<F> cosine = u_lobe < b.diffuse_probability;
+  ChosenOf<F> chosen{true, false};
+  s.lobe = Lobe::kDiffuse;
+  s.eta = F(1);
+  Vec3<F> wi(0, 0, 1);
+  if (any(cosine)) wi = sample_cosine(u);
+  if (!all(cosine)) {
+    F rest = u_lobe - b.diffuse_probability;
+    const BoolOf<F> apart = passes_apart(b);
+    // Where there are no facets, rounding must not choose them.
+    const BoolOf<F> last = (b.facet_probability <= 0) & !apart;
+    const BoolOf<F> inside = (!cosine) & has_body(b) & ((rest < b.subsurface_probability) | last);
+    rest -= b.subsurface_probability;
+    const BoolOf<F> through = (!cosine) & (!inside) & apart & (rest >= b.facet_probability);
+    const BoolOf<F> facets = (!cosine) & (!inside) & !through;
+    if (any(facets)) {
+      BsdfSampleOf<F> of;
+      const Vec3<F> h = either(
+          b.delta, [] { return Vec3<F>(0, 0, 1); }, [&] { return sample_ggx(b.wo, b.facets, u); });
+      const FacetChoice<F> choice = choose_facet(b, F(rest / b.facet_probability), h, of);
+      s = select(facets, of, s);
+      wi = select(facets, choice.wi, wi);
+      chosen.valid = select(facets, choice.valid, chosen.valid);
+      chosen.delta = facets & b.delta;
+    }
+    if (any(through)) {
+      BsdfSampleOf<F> of;
+      const FacetChoice<F> choice = choose_through(b, u, of);
+      s = select(through, of, s);
+      wi = select(through, choice.wi, wi);
+      chosen.valid = select(through, choice.valid, chosen.valid);
+      chosen.delta = select(through, b.through_delta, chosen.delta);
+    }
+    if (any(inside)) {
+      s.weight = select(inside, Vec3<F>(b.subsurface / b.subsurface_probability), s.weight);
+      s.lobe = select(inside, LobeOf(Lobe::kSubsurface), s.lobe);
+      chosen.delta = chosen.delta | inside;
+    }
   }
-  float rest = u_lobe - b.diffuse_probability;
-  // Where there are no facets, rounding must not choose them.
-  const bool last = b.facet_probability <= 0 && !passes_apart(b);
-  if (has_body(b) && (rest < b.subsurface_probability || last)) {
-    s.weight = vec3(b.subsurface / b.subsurface_probability);
-    s.lobe = Lobe::kSubsurface;
-    s.eta = 1;
-    return {true, true};
-  }
-  rest -= b.subsurface_probability;
-  if (passes_apart(b) && rest >= b.facet_probability) return choose_through(b, u, s);
-  return choose_facet(b, rest / b.facet_probability,
-                      b.delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.facets, u), s);
+  s.wi = to_world(b.frame, wi);
+  const BoolOf<F> reflected = !(s.lobe == LobeOf(Lobe::kTransmission));
+  const F side = dot(s.wi, b.ng);
+  const BoolOf<F> leaves = select(reflected, side > 0, side < 0);
+  chosen.valid = chosen.valid & (leaves | !chosen.delta | (s.lobe == LobeOf(Lobe::kSubsurface)));
+  return chosen;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

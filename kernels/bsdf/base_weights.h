@@ -6,41 +6,48 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// The hue of a colour at luminance 1; white of black.
-KERNEL vec3 tint_of(vec3 color) {
-  const float light = luminance(color);
-  return light > 0 ? color / light : vec3(1);
+template <class F>
+KERNEL Vec3<F> tint_of(Vec3<F> color) {
+  const F light = luminance(color);
+  return select(light > 0, color / light, Vec3<F>(1));
 }
 
 /// Reflectance of a dielectric in something of index `outside` at normal incidence, coloured, in
 /// full.
-KERNEL vec3 dielectric_f0(const MaterialValues& m, float outside) {
-  vec3 color = m.specular_color * sqr((m.ior - outside) / (m.ior + outside));
-  if (m.specular_tint > 0) {
-    color *= vec3(1) + (tint_of(m.base_color) - vec3(1)) * m.specular_tint;
+template <class F>
+KERNEL Vec3<F> dielectric_f0(const MaterialValuesOf<F>& m, F outside) {
+  Vec3<F> color = m.specular_color * sqr((m.ior - outside) / (m.ior + outside));
+  if (const auto tinted = m.specular_tint > 0; any(tinted)) {
+    const Vec3<F> tint = Vec3<F>(1) + (tint_of(m.base_color) - Vec3<F>(1)) * m.specular_tint;
+    color *= select(tinted, tint, Vec3<F>(1));
   }
-  return glm::min(color, vec3(1));
+  return min3(color, Vec3<F>(1));
 }
 
-KERNEL ThinFilm film_of(const MaterialValues& m, float outside) {
+template <class F>
+KERNEL ThinFilmOf<F> film_of(const MaterialValuesOf<F>& m, F outside) {
   const float nanometre = 1e-9f;
-  return {m.iridescence_thickness > 0 ? m.iridescence : 0, m.iridescence_ior / outside,
+  return {select(m.iridescence_thickness > 0, m.iridescence, F(0)), m.iridescence_ior / outside,
           2 * nanometre * m.iridescence_thickness * m.iridescence_ior};
 }
 
 /// What lies under the coat: a share of its light travels inside, the rest is Lambert's. Where
 /// there is no inside to travel in, all of it is.
-struct Body {
-  vec3 color;
-  float inside;
+template <class F>
+struct BodyOf {
+  Vec3<F> color;
+  F inside;
 };
-KERNEL Body body_of(const MaterialValues& m, const ShadingPoint& at) {
-  if (!kRich || !(m.subsurface > 0)) return {m.base_color, 0};
-  const bool has_inside = !at.thin_walled && dot(at.wo, at.ng) >= 0;
-  const vec3 color = m.base_color * (1 - m.subsurface);
-  if (!has_inside || is_black(m.subsurface_radius)) {
-    return {color + m.subsurface_color * m.subsurface, 0};
-  }
-  return {color, m.subsurface};
+template <class F>
+KERNEL BodyOf<F> body_of(const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
+  const BoolOf<F> body = rich(m.subsurface > 0);
+  if (!any(body)) return {m.base_color, F(0)};
+  const BoolOf<F> walks =
+      body & !at.thin_walled & (dot(at.wo, at.ng) >= 0) & !is_black(m.subsurface_radius);
+  const Vec3<F> color = m.base_color * (1 - m.subsurface);
+  const Vec3<F> whole = color + m.subsurface_color * m.subsurface;
+  return {select(body, select(walks, color, whole), m.base_color),
+          select(walks, m.subsurface, F(0))};
 }
 
 /// What coat and metal are made of.
@@ -54,7 +61,7 @@ struct OpaqueMaterial {
 
 /// Their Fresnel. Returns its averages by cosine.
 template <class F>
-KERNEL ReflectancesOf<F> set_fresnel(OpaqueBase<F>& b, const OpaqueMaterial<F>& m) {
+KERNEL ReflectancesOf<F> set_fresnel(BaseOf<F>& b, const OpaqueMaterial<F>& m) {
   const Vec3<F> coat_f0 = m.f0 * m.specular;
   b.f0 = coat_f0 * m.plastic + m.base_color * m.metallic;
   b.f90 = m.specular * m.plastic + m.metallic;
@@ -67,20 +74,25 @@ KERNEL ReflectancesOf<F> set_fresnel(OpaqueBase<F>& b, const OpaqueMaterial<F>& 
 /// What their microfacets scatter more than once, per unit of light that they lose. Returns that of
 /// the coat, in full.
 template <class F>
-KERNEL Vec3<F> set_multiple(OpaqueBase<F>& b, const OpaqueMaterial<F>& m,
-                            const ReflectancesOf<F>& mean, const AlbedoOf<F>& average) {
-  const Vec3<F> coat = multiple_scattering(mean.coat, average.total);
+KERNEL Vec3<F> set_multiple(BaseOf<F>& b, const OpaqueMaterial<F>& m, const ReflectancesOf<F>& mean,
+                            const AlbedoOf<F>& average) {
+  const BoolOf<F> rough = !b.delta;
+  b.multiple = Vec3<F>(0);
+  b.coat_multiple = F(0);
+  if (!any(rough)) return Vec3<F>(0);
+  const Vec3<F> coat = select(rough, multiple_scattering(mean.coat, average.total), Vec3<F>(0));
   b.coat_multiple = max_component(coat);
   b.multiple = coat * m.plastic;
-  if (any(m.metallic > 0)) {
-    b.multiple += multiple_scattering(mean.metal, average.total) * m.metallic;
+  if (const auto metallic = rough & (m.metallic > 0); any(metallic)) {
+    const Vec3<F> metal = multiple_scattering(mean.metal, average.total) * m.metallic;
+    b.multiple += select(metallic, metal, Vec3<F>(0));
   }
   return coat;
 }
 
 /// What microfacets seen from wo reflect at once. out: their albedo there
 template <class F>
-KERNEL F facets_reflect(const OpaqueBase<F>& b, const AlbedoOf<F>& out) {
+KERNEL F facets_reflect(const BaseOf<F>& b, const AlbedoOf<F>& out) {
   return luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
 }
 
@@ -90,7 +102,7 @@ KERNEL F facets_reflect(const OpaqueBase<F>& b, const AlbedoOf<F>& out) {
 /// under      light that leaves the coat's underside towards wo
 /// lost       share of light that microfacets lose towards wo
 template <class F>
-KERNEL F set_diffuse(OpaqueBase<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
+KERNEL F set_diffuse(BaseOf<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
   b.average_entering = max2(1 - coat_albedo(b, average), F(1e-4f));
   const F share = luminance(under) + luminance(b.multiple) * lost;
   b.diffuse = under * (kInvPi / b.average_entering);
@@ -103,187 +115,264 @@ KERNEL F set_diffuse(OpaqueBase<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>&
 inline constexpr float kTableMargin = 1e-3f;
 inline constexpr float kWideTableMargin = 4e-3f;
 
+/// The albedo of microfacets on average over all directions.
+template <class F>
+KERNEL AlbedoOf<F> average_albedo(const BaseOf<F>& b) {
+  return either(
+      b.delta, [&] { return AlbedoOf<F>{F(1), F(kSchlickMean)}; },
+      [&] {
+        return either(
+            is_stretched(b), [&] { return albedo_average(b.anisotropic); },
+            [&] { return albedo_average(b.albedo); });
+      });
+}
+
+/// A film on coat and metal changes what its microfacets reflect. covered: where there is one
+///
+/// coat, facets   what coat and microfacets reflect without it
+template <class F>
+HELIO_GPU_NOINLINE KERNEL void cover_reflection(BaseOf<F>& b, BoolOf<F> covered,
+                                                const ReflectancesOf<F>& mean, F total, F lost,
+                                                Vec3<F> multiple, F specular, Vec3<F>& coat,
+                                                F& facets) {
+  const ReflectancesOf<F> film = seen_film(b);
+  const Vec3<F> once = coat - Vec3<F>(b.coat_multiple * lost);
+  const Vec3<F> seen = once + (film.coat * total - once) * b.film.weight + multiple * lost;
+  coat = select(covered, seen, coat);
+  const F most = max_component(film.coat * b.plastic + film.metal * b.metallic) * total;
+  facets += select(covered, (most - facets) * b.film.weight, F(0));
+  // Towards wi, the coat of Schlick's that reflects as much on average.
+  const F f0 = max2(max_component(mean.coat) - specular * kSchlickMean, F(0)) / (1 - kSchlickMean);
+  b.coat_f0 = select(covered, f0, b.coat_f0);
+}
+
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
-KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint& at) {
-  const Body body = body_of(m, at);
+template <class F>
+KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialValuesOf<F>& m,
+                              const ShadingPointOf<F>& at) {
+  const BodyOf<F> body = body_of(m, at);
   b.plastic = (1 - m.metallic) * (1 - m.transmission);
   b.metallic = m.metallic;
-  const OpaqueMaterial<float> opaque{m.base_color, dielectric_f0(m, at.outside), m.specular,
-                                     m.metallic, b.plastic};
-  const Albedo average = b.delta           ? Albedo{1, kSchlickMean}
-                         : is_stretched(b) ? albedo_average(b.anisotropic)
-                                           : albedo_average(b.albedo);
-  const Albedo out = base_albedo(b, b.wo);
-  Reflectances mean = set_fresnel(b, opaque);
-  const bool covered = has_film(b.film) && b.f90 > 0;
-  if (covered) {
+  const OpaqueMaterial<F> opaque{m.base_color, dielectric_f0(m, at.outside), m.specular, m.metallic,
+                                 b.plastic};
+  const AlbedoOf<F> average = average_albedo(b);
+  const AlbedoOf<F> out = base_albedo(b, b.wo);
+  ReflectancesOf<F> mean = set_fresnel(b, opaque);
+  const BoolOf<F> covered = has_film(b.film) & (b.f90 > 0);
+  if (any(covered)) {
     b.film_coat = amplitude_below(b.film, opaque.f0);
     b.film_metal = amplitude_below(b.film, m.base_color);
-    cover(mean, b, average_film(b));
+    const ReflectancesOf<F> film = average_film(b);
+    const Vec3<F> coat = mean.coat + (film.coat - mean.coat) * b.film.weight;
+    const Vec3<F> metal = mean.metal + (film.metal - mean.metal) * b.film.weight;
+    mean = {select(covered, coat, mean.coat), select(covered, metal, mean.metal)};
   }
-  float lost = 0;
-  vec3 multiple(0);  // of the coat
-  b.multiple = vec3(0);
-  b.coat_multiple = 0;
-  if (!b.delta) {
-    multiple = set_multiple(b, opaque, mean, average);
-    lost = max2(1 - out.total, 0.0f);
-    if (is_stretched(b)) lost *= 1 - kWideTableMargin;
+  const Vec3<F> multiple = set_multiple(b, opaque, mean, average);
+  F lost = select(b.delta, F(0), max2(1 - out.total, F(0)));
+  if (const auto stretched = is_stretched(b); any(stretched)) {
+    lost *= select(stretched, F(1 - kWideTableMargin), F(1));
   }
-  vec3 coat(coat_albedo(b, out));
-  float facets = facets_reflect(b, out);
-  if (covered) {
-    const Reflectances film = seen_film(b);
-    const vec3 once = coat - vec3(b.coat_multiple * lost);
-    coat = once + (film.coat * out.total - once) * b.film.weight + multiple * lost;
-    facets +=
-        (max_component(film.coat * b.plastic + film.metal * m.metallic) * out.total - facets) *
-        b.film.weight;
-    // Towards wi, the coat of Schlick's that reflects as much on average.
-    b.coat_f0 =
-        max2(max_component(mean.coat) - m.specular * kSchlickMean, 0.0f) / (1 - kSchlickMean);
+  Vec3<F> coat(coat_albedo(b, out));
+  F facets = facets_reflect(b, out);
+  if (any(covered)) {
+    cover_reflection(b, covered, mean, out.total, lost, multiple, m.specular, coat, facets);
   }
-  const vec3 entering = vec3(1) - coat;
+  const Vec3<F> entering = Vec3<F>(1) - coat;
   b.subsurface = body.inside * b.plastic * min_component(entering);
-  return vec2(set_diffuse(b, body.color * (entering * b.plastic), lost, average), facets);
+  const F diffuse = set_diffuse(b, Vec3<F>(body.color * (entering * b.plastic)), lost, average);
+  return Vec2<F>(diffuse, facets);
 }
 
 /// Share of light that a face of glass without a film reflects, of all that it gives off.
-KERNEL float face_reflectance(const Base& b, float roughness) {
-  if (sqr(roughness) < kDeltaAlpha) return fresnel_dielectric(b.wo.z, b.eta).reflectance;
-  const GlassAlbedo share = glass_albedo(b.wo.z, roughness, b.eta);
-  const float reflected = share.reflected + share.totally;
-  return reflected / (reflected + share.refracted);
+template <class F>
+KERNEL F face_reflectance(const BaseOf<F>& b, F roughness) {
+  return either(
+      sqr(roughness) < kDeltaAlpha, [&] { return fresnel_dielectric(b.wo.z, b.eta).reflectance; },
+      [&] {
+        const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, roughness, b.eta);
+        const F reflected = share.reflected + share.totally;
+        return F(reflected / (reflected + share.refracted));
+      });
 }
 
 /// Bounds the weight of light that refracts by itself.
 inline constexpr float kMostThrough = 2;
 
+/// Share of light from wo that microfacets of a sheet let through ...
+template <class F>
+KERNEL F sheet_passes(const BaseOf<F>& b, F through) {
+  const F aspect = b.anisotropic.aspect;
+  const auto rough = [&] {
+    return either(
+        aspect < 1, [&] { return albedo_at(AnisotropicRowOf<F>{through, aspect}, b.wo); },
+        [&] { return albedo_at(albedo_row(through), b.wo.z); });
+  };
+  return either(b.through_delta, [] { return F(1); }, [&] { return rough().total; });
+}
+/// ... and those of one face.
+template <class F>
+KERNEL F face_passes(const BaseOf<F>& b, F through) {
+  const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, through, b.eta);
+  return max2(share.refracted + share.kept, F(1e-6f));
+}
+
 /// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
 /// its roughness. Returns as set_interface().
-HELIO_GPU_NOINLINE KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
+template <class F>
+HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F>& b, const MaterialValuesOf<F>& m, F through) {
+  const BoolOf<F> sheet = b.interface == Interface::kSheet;
+  const BoolOf<F> split = b.interface == Interface::kSplit;
   // From inside what refracts roughly would be caught by a polished face: light that came in at an
   // angle must get out at it.
-  const bool leaves = b.interface == Interface::kSplit && b.eta < 1;
-  vec3 reflected(face_reflectance(b, leaves ? through : m.roughness));
-  if (has_film(b.glass_film))
-    reflected = glm::clamp(reflected + film_on_face(b).whole, vec3(0), vec3(1));
-  float smallest = 0;
-  b.through_scale = 1;
-  if (b.interface == Interface::kSheet) {
-    // Both faces, and the bounces between them.
-    reflected = 2.0f * reflected / (vec3(1) + reflected);
-    const float aspect = b.anisotropic.aspect;
-    b.through = {sqr(through) / aspect, sqr(through) * aspect};
-    const AlbedoRow round = albedo_row(through);
-    if (!b.through_delta) {
-      b.through_scale =
-          1 / (aspect < 1 ? albedo_at({through, aspect}, b.wo) : albedo_at(round, b.wo.z)).total;
-    }
-  } else {
-    b.through = {sqr(through), sqr(through)};
-    const GlassAlbedo share = glass_albedo(b.wo.z, through, b.eta);
-    const float passes = max2(share.refracted + share.kept, 1e-6f);
-    b.through_scale = 1 / passes;
-    // Near total reflection few facets refract: they need not carry more than this.
-    smallest = 1 - kMostThrough * passes;
+  const BoolOf<F> leaves = split & (b.eta < 1);
+  Vec3<F> reflected(face_reflectance(b, F(select(leaves, through, m.roughness))));
+  if (const auto film = has_film(b.glass_film); any(film)) {
+    const Vec3<F> covered = min3(max3(reflected + film_on_face(b).whole, Vec3<F>(0)), Vec3<F>(1));
+    reflected = select(film, covered, reflected);
   }
-  b.glass_reflectance = glm::max(b.glass_specular * reflected, vec3(smallest));
-  b.glass_scale = vec3(1 / base_albedo(b, b.wo).total);
-  const vec3 passing = b.glass_tint * (vec3(1) - b.glass_reflectance);
+  // Both faces of a sheet, and the bounces between them.
+  reflected = select(sheet, F(2) * reflected / (Vec3<F>(1) + reflected), reflected);
+  const F along = select(sheet, b.anisotropic.aspect, F(1)), alpha = sqr(through);
+  b.through.x = select(sheet | split, alpha / along, b.through.x);
+  b.through.y = select(sheet | split, alpha * along, b.through.y);
+  const F passes = either(
+      sheet, [&] { return sheet_passes(b, through); }, [&] { return face_passes(b, through); });
+  b.through_scale = 1 / passes;
+  // Near total reflection few facets refract: they need not carry more than this.
+  const F smallest = select(sheet, F(0), 1 - kMostThrough * passes);
+  b.glass_reflectance = max3(b.glass_specular * reflected, Vec3<F>(smallest));
+  b.glass_scale = select(sheet | split, Vec3<F>(1 / base_albedo(b, b.wo).total), b.glass_scale);
+  const Vec3<F> passing = b.glass_tint * (Vec3<F>(1) - b.glass_reflectance);
   // Each is chosen by the root of its second moment: few samples of refraction may succeed.
-  return vec2(luminance(b.glass_reflectance), luminance(passing) * std::sqrt(b.through_scale)) *
+  return Vec2<F>(luminance(b.glass_reflectance), luminance(passing) * sqrt(b.through_scale)) *
          b.glass;
+}
+
+/// What makes up for light that a rough interface scatters more than once, where each microfacet
+/// reflects or refracts.
+template <class F>
+KERNEL Vec3<F> joint_scale(const BaseOf<F>& b, F roughness) {
+  const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, roughness, b.eta);
+  // What a low `specular` takes from the reflection refracts, and the film's share reflects.
+  Vec3<F> reflected = b.glass_specular * share.reflected;
+  Vec3<F> kept = (Vec3<F>(1) - b.glass_specular) * share.kept;
+  if (const auto covered = has_film(b.glass_film); any(covered)) {
+    const FilmOnFaceOf<F> film = film_on_face(b);
+    reflected += select(covered, b.glass_specular * film.reflected, Vec3<F>(0));
+    kept -= select(covered, b.glass_specular * film.refracted, Vec3<F>(0));
+  }
+  return F(1) / (Vec3<F>(share.totally + share.refracted) + reflected + kept);
 }
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec2 set_interface(Base& b, const MaterialValues& m,
-                                                          const ShadingPoint& at) {
-  const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
-  const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F>& b,
+                                                             const MaterialValuesOf<F>& m,
+                                                             const ShadingPointOf<F>& at) {
+  using InterfaceOf = EnumOf<F, Interface>;
+  const BoolOf<F> glass = b.glass > 0;
+  const BoolOf<F> enters = at.thin_walled | (dot(at.wo, at.ng) >= 0);
+  const F through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
-  const bool apart = kRich && (m.transmission_roughness > 0 || is_stretched(b));
-  b.interface = kRich && at.thin_walled     ? Interface::kSheet
-                : apart && !b.through_delta ? Interface::kSplit
-                                            : Interface::kJoint;
-  if (!b.through_delta) {
-    const bool wide = b.interface != Interface::kJoint || has_film(b.film);
-    b.glass *= 1 - (wide ? kWideTableMargin : kTableMargin);
-  }
-  float ior = m.ior / at.outside;
+  const BoolOf<F> sheet = rich(at.thin_walled);
+  const BoolOf<F> split = rich((m.transmission_roughness > 0) | is_stretched(b)) & !b.through_delta;
+  const InterfaceOf faces =
+      select(split, InterfaceOf(Interface::kSplit), InterfaceOf(Interface::kJoint));
+  b.interface = select(glass, select(sheet, InterfaceOf(Interface::kSheet), faces), b.interface);
+  const BoolOf<F> wide = sheet | split | has_film(b.film);
+  const F margin = select(wide, F(kWideTableMargin), F(kTableMargin));
+  b.glass *= select(b.through_delta, F(1), 1 - margin);
+  F ior = m.ior / at.outside;
   // A rough interface of index 1 has no half vector: the smallest step that still has one.
-  if (!b.through_delta) ior = ior < 1 ? min2(ior, 1 / 1.01f) : max2(ior, 1.01f);
-  b.eta = enters ? ior : 1 / ior;
-  b.glass_film = {b.film.weight, b.film.ior / (enters ? 1 : ior), b.film.way};
-  const vec3 color = m.base_color;
-  b.glass_tint =
-      at.thin_walled ? color : vec3(std::sqrt(color.x), std::sqrt(color.y), std::sqrt(color.z));
-  b.glass_specular = glm::min(m.specular_color * m.specular, vec3(1));
-  if (b.interface != Interface::kJoint) return set_apart(b, m, through);
+  const F stepped = select(ior < 1, min2(ior, F(1 / 1.01f)), max2(ior, F(1.01f)));
+  ior = select(b.through_delta, ior, stepped);
+  b.eta = select(enters, ior, 1 / ior);
+  b.glass_film = {b.film.weight, b.film.ior / select(enters, F(1), ior), b.film.way};
+  const Vec3<F> color = m.base_color;
+  b.glass_tint = select(at.thin_walled, color, sqrt3(color));
+  b.glass_specular = min3(m.specular_color * m.specular, Vec3<F>(1));
   b.through = b.facets;
-  b.glass_scale = vec3(1);
-  if (!b.delta) {
-    const GlassAlbedo share = glass_albedo(b.wo.z, m.roughness, b.eta);
-    // What a low `specular` takes from the reflection refracts, and the film's share reflects.
-    vec3 reflected = b.glass_specular * share.reflected;
-    vec3 kept = (vec3(1) - b.glass_specular) * share.kept;
-    if (has_film(b.glass_film)) {
-      const FilmOnFace film = film_on_face(b);
-      reflected += b.glass_specular * film.reflected;
-      kept -= b.glass_specular * film.refracted;
-    }
-    b.glass_scale = 1.0f / (vec3(share.totally + share.refracted) + reflected + kept);
+  b.glass_scale = Vec3<F>(1);
+  Vec2<F> shares(b.glass, F(0));
+  const BoolOf<F> apart = glass & (sheet | split);
+  if (any(apart)) {
+    const Vec2<F> both = set_apart(b, m, through);
+    shares = select(apart, both, shares);
   }
-  return vec2(b.glass, 0);
+  const BoolOf<F> joint = glass & !apart & !b.delta;
+  if (any(joint)) {
+    b.glass_scale = select(joint, joint_scale(b, m.roughness), b.glass_scale);
+  }
+  return shares;
 }
 
-/// A material at a point, seen from wo (world). n, ng: on wo's side. facets: not only Lambert.
-KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, vec3 n) {
-  const bool facets = m.specular > 0 || m.metallic > 0 || m.transmission > 0;
-  if (facets) n = bend_normal(b.ng, at.wo, n);
-  const bool stretched = kRich && m.anisotropic > 0;
-  b.frame = stretched ? make_frame(n, at.tangent) : make_frame(n);
+/// Lambert's lobe and the body below it, alone.
+template <class F>
+KERNEL void set_lambert(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
+  const BodyOf<F> body = body_of(m, at);
+  b.diffuse = body.color * F(kInvPi);
+  b.multiple = b.f0 = Vec3<F>(0);
+  b.f90 = F(0);
+  b.coated = false;
+  b.average_entering = F(1);
+  b.subsurface = body.inside;
+  const F inside = body.inside * luminance(m.subsurface_color);
+  b.reflectance = luminance(body.color) + inside;
+  b.subsurface_probability = select(inside > 0, inside / b.reflectance, F(0));
+  b.diffuse_probability = 1 - b.subsurface_probability;
+  b.facet_probability = F(0);
+}
+
+/// All lobes. facets: where there are others than Lambert's
+template <class F>
+KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
+                      BoolOf<F> facets) {
+  b.coated = true;
+  Vec2<F> share = set_reflection(b, m, at);
+  F through(0);
+  if (const auto glass = b.glass > 0; any(glass)) {
+    const Vec2<F> passing = set_interface(b, m, at);
+    share.y += select(glass, passing.x, F(0));
+    through = select(glass, passing.y, F(0));
+  }
+  const F inside = b.subsurface * luminance(m.subsurface_color);
+  b.reflectance = share.x + share.y + through + inside;
+  b.subsurface_probability = select(inside > 0, inside / b.reflectance, F(0));
+  b.diffuse_probability = select(share.x > 0, share.x / b.reflectance, F(0));
+  b.diffuse_probability = select(facets, b.diffuse_probability, 1 - b.subsurface_probability);
+  b.facet_probability = 1 - b.diffuse_probability - b.subsurface_probability;
+  b.facet_probability = select(facets, b.facet_probability, F(0));
+  if (const auto apart = through > 0; any(apart)) {
+    b.facet_probability *= select(apart, share.y / (share.y + through), F(1));
+  }
+}
+
+/// A material at a point, seen from wo (world). n, ng: on wo's side.
+template <class F>
+KERNEL void set_base(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
+                     Vec3<F> n) {
+  const BoolOf<F> facets = (m.specular > 0) | (m.metallic > 0) | (m.transmission > 0);
+  if (any(facets)) n = select(facets, bend_normal(b.ng, at.wo, n), n);
+  const BoolOf<F> stretched = rich(m.anisotropic > 0);
+  b.frame =
+      either(stretched, [&] { return make_frame(n, at.tangent); }, [&] { return make_frame(n); });
   b.wo = to_local(b.frame, at.wo);
-  b.wo.z = max2(b.wo.z, 1e-4f);
-  const float alpha = sqr(m.roughness);
-  const float aspect = stretched ? std::sqrt(1 - 0.9f * m.anisotropic) : 1;
+  b.wo.z = max2(b.wo.z, F(1e-4f));
+  const F alpha = sqr(m.roughness);
+  const F aspect =
+      either(stretched, [&] { return F(sqrt(1 - 0.9f * m.anisotropic)); }, [] { return F(1); });
   b.facets = {alpha / aspect, alpha * aspect};
   b.anisotropic = {m.roughness, aspect};
   b.delta = alpha < kDeltaAlpha;
   b.glass = (1 - m.metallic) * m.transmission;
   b.film = film_of(m, at.outside);
   b.interface = Interface::kNone;
-  b.facet_probability = 0;
-  if (!facets) {
-    const Body body = body_of(m, at);
-    b.diffuse = body.color * kInvPi;
-    b.multiple = b.f0 = vec3(0);
-    b.f90 = 0;
-    b.coated = false;
-    b.average_entering = 1;
-    b.subsurface = body.inside;
-    const float inside = body.inside * luminance(m.subsurface_color);
-    b.reflectance = luminance(body.color) + inside;
-    b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
-    b.diffuse_probability = 1 - b.subsurface_probability;
-    return;
-  }
-  b.coated = true;
-  if (!b.delta) b.albedo = albedo_row(m.roughness);
-  vec2 share = set_reflection(b, m, at);
-  float through = 0;
-  if (b.glass > 0) {
-    const vec2 passing = set_interface(b, m, at);
-    share.y += passing.x;
-    through = passing.y;
-  }
-  const float inside = b.subsurface * luminance(m.subsurface_color);
-  b.reflectance = share.x + share.y + through + inside;
-  b.diffuse_probability = share.x > 0 ? share.x / b.reflectance : 0;
-  b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
-  b.facet_probability = 1 - b.diffuse_probability - b.subsurface_probability;
-  if (through > 0) b.facet_probability *= share.y / (share.y + through);
+  b.albedo = albedo_row(m.roughness);
+  if (any(facets))
+    set_lobes(b, m, at, facets);
+  else
+    set_lambert(b, m, at);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

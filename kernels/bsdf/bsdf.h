@@ -10,22 +10,29 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// A material at a point, seen from direction wo.
-struct Bsdf : Base {
-  bool layered;
-  Layers layers;  // set where there are any
+template <class F>
+struct BsdfOf : BaseOf<F> {
+  BoolOf<F> layered;
+  LayersOf<F> layers;  // set where there are any
 };
+using Bsdf = BsdfOf<float>;
 
-KERNEL bool is_layered(const Bsdf& b) { return kRich && b.layered; }
+template <class F>
+KERNEL BoolOf<F> is_layered(const BsdfOf<F>& b) {
+  return rich(b.layered);
+}
 
 /// In place: a Bsdf is large, and most of it stays unset where there are no layers.
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m,
-                                                     const ShadingPoint& at) {
-  const bool front = dot(at.wo, at.ng) >= 0;
-  b.ng = front ? at.ng : -at.ng;
-  set_base(b, m, at, front ? at.ns : -at.ns);
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void set_bsdf(BsdfOf<F>& b, const MaterialValuesOf<F>& m,
+                                                     const ShadingPointOf<F>& at) {
+  const BoolOf<F> front = dot(at.wo, at.ng) >= 0;
+  b.ng = select(front, at.ng, -at.ng);
+  set_base<F>(b, m, at, select(front, at.ns, -at.ns));
   b.layered = has_layers(m);
-  if (is_layered(b)) {
-    set_layers(b.layers, b, m, at.wo, front ? at.clearcoat_normal : -at.clearcoat_normal);
+  if (any(is_layered(b))) {
+    const Vec3<F> n = select(front, at.clearcoat_normal, -at.clearcoat_normal);
+    set_layers<F>(b.layers, b, b.layered, m, at.wo, n);
   }
 }
 KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
@@ -34,22 +41,33 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
   return b;
 }
 
+/// Share of light from wi that comes through the layers. wi: above the surface, local and world
+template <class F>
+KERNEL F entering_layers(const LayersOf<F>& l, Vec3<F> wi, Vec3<F> wi_world) {
+  const F coat_cosine =
+      either(l.clearcoat > 0, [&] { return F(dot(l.coat.n, wi_world)); }, [] { return F(0); });
+  return layers_transmit(l, coat_cosine, wi.z);
+}
+
 /// wi   unit, world
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
-  const vec3 wi = to_local(b.frame, wi_world);
-  const float side = dot(b.ng, wi_world);
-  BsdfValue out = evaluate_base(b, wi, side);
-  if (!is_layered(b)) return out;
-  const Layers& l = b.layers;
-  out.glossy *= l.below;
-  out.pdf *= l.base_probability;
-  if (side <= 0) return out;
-  if (!is_black(out.diffuse)) {
-    const float coat_cosine = l.clearcoat > 0 ? dot(l.coat.n, wi_world) : 0;
-    out.diffuse *= layers_transmit(l, coat_cosine, wi.z);
-  }
-  add_layers(l, b, wi, wi_world, out);
-  return out;
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> evaluate_bsdf(const BsdfOf<F>& b,
+                                                                    Vec3<F> wi_world) {
+  const Vec3<F> wi = to_local(b.frame, wi_world);
+  const F side = dot(b.ng, wi_world);
+  BsdfValueOf<F> out = evaluate_base<F>(b, wi, side);
+  const BoolOf<F> layered = is_layered(b);
+  if (!any(layered)) return out;
+  const LayersOf<F>& l = b.layers;
+  out.glossy *= select(layered, l.below, F(1));
+  out.pdf *= select(layered, l.base_probability, F(1));
+  const BoolOf<F> above = layered & (side > 0);
+  if (!any(above)) return out;
+  if (const auto diffuse = above & !is_black(out.diffuse); any(diffuse))
+    out.diffuse *= select(diffuse, entering_layers(l, wi, wi_world), F(1));
+  BsdfValueOf<F> all_layers = out;
+  add_layers<F>(l, b, wi, wi_world, all_layers);
+  return select(above, all_layers, out);
 }
 
 KERNEL vec3 share_of(vec3 part, vec3 total) {
@@ -57,67 +75,90 @@ KERNEL vec3 share_of(vec3 part, vec3 total) {
               total.z > 0 ? part.z / total.z : 0);
 }
 
-/// The weight and density of a direction that has been chosen.
-KERNEL bool finish_sample(const Bsdf& b, Chosen chosen, BsdfSample& s) {
-  if (!chosen.valid) return false;
-  if (chosen.delta) {
-    s.pdf = 0;
-    return true;
+/// The weights and densities of directions that have been chosen. Returns which count.
+template <class F>
+KERNEL BoolOf<F> finish_sample(const BsdfOf<F>& b, const ChosenOf<F>& chosen, BsdfSampleOf<F>& s) {
+  const BoolOf<F> smooth = chosen.valid & !chosen.delta;
+  if (!any(smooth)) {
+    s.pdf = F(0);
+    return chosen.valid;
   }
-  const BsdfValue value = evaluate_bsdf(b, s.wi);
-  if (!(value.pdf > 0)) return false;
-  const float scale = 1 / value.pdf;
-  s.pdf = value.pdf;
-  s.weight = (value.diffuse + value.glossy) * scale;
-  s.diffuse = value.diffuse * scale;
-  return true;
+  const BsdfValueOf<F> value = evaluate_bsdf(b, s.wi);
+  const F scale = 1 / value.pdf;
+  s.pdf = select(smooth, value.pdf, F(0));
+  s.weight = select(smooth, (value.diffuse + value.glossy) * scale, s.weight);
+  s.diffuse = select(smooth, value.diffuse * scale, s.diffuse);
+  return chosen.valid & (chosen.delta | (value.pdf > 0));
 }
 
-KERNEL bool sample_layered(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
-  const Layers& l = b.layers;
-  if (u_lobe < l.base_probability) {
-    const Chosen chosen = choose_base(b, u_lobe / l.base_probability, u, s);
-    if (chosen.delta) s.weight *= l.below / l.base_probability;
-    return finish_sample(b, chosen, s);
+/// Chooses directions of layered surfaces. Returns which; the others are left as they are.
+template <class F>
+KERNEL ChosenOf<F> choose_layered(const BsdfOf<F>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
+  const LayersOf<F>& l = b.layers;
+  const BoolOf<F> layered = is_layered(b);
+  const BoolOf<F> base = (!layered) | (u_lobe < l.base_probability);
+  ChosenOf<F> chosen{true, false};
+  if (any(base)) {
+    const F rest = select(layered, u_lobe / l.base_probability, u_lobe);
+    chosen = choose_base<F>(b, rest, u, s);
+    const F below = select(layered & chosen.delta, l.below / l.base_probability, F(1));
+    s.weight *= below;
   }
-  const bool clearcoat = u_lobe - l.base_probability < l.clearcoat_probability;
-  return finish_sample(b, clearcoat ? choose_clearcoat(l, b, u, s) : choose_sheen(b, u, s), s);
+  if (all(base)) return chosen;
+  const BoolOf<F> clearcoat = (u_lobe - l.base_probability) < l.clearcoat_probability;
+  BsdfSampleOf<F> of_layer, of_sheen;
+  ChosenOf<F> layer{true, false};
+  if (any(clearcoat)) layer = choose_clearcoat<F>(l, b, u, of_layer);
+  if (!all(clearcoat)) {
+    const ChosenOf<F> sheen = choose_sheen<F>(b, u, of_sheen);
+    of_layer = select(clearcoat, of_layer, of_sheen);
+    layer = select(clearcoat, layer, sheen);
+  }
+  s = select(base, s, of_layer);
+  return select(base, chosen, layer);
 }
 
 /// Chooses a direction; false when light from there counts for nothing.
 ///
 /// u_lobe, u   uniform in [0, 1)
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u,
-                                                        BsdfSample& s) {
-  return is_layered(b) ? sample_layered(b, u_lobe, u, s)
-                       : finish_sample(b, choose_base(b, u_lobe, u, s), s);
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F>& b, F u_lobe,
+                                                             Vec2<F> u, BsdfSampleOf<F>& s) {
+  const ChosenOf<F> chosen =
+      any(is_layered(b)) ? choose_layered(b, u_lobe, u, s) : choose_base<F>(b, u_lobe, u, s);
+  return finish_sample(b, chosen, s);
 }
 
-/// Whether sample_bsdf() looks at u_lobe.
-KERNEL bool chooses_lobe(const Bsdf& b) { return is_layered(b) || b.diffuse_probability < 1; }
+/// Where sample_bsdf() looks at u_lobe.
+template <class F>
+KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F>& b) {
+  return is_layered(b) | (b.diffuse_probability < 1);
+}
 
 /// Light from inside the body leaves towards wi (unit, world) with this times the cosine / pi.
 KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
   const vec3 wi = to_local(b.frame, wi_world);
   if (wi.z <= 0 || dot(b.ng, wi_world) <= 0) return 0;
   float leaving = b.coated ? 1 - coat_albedo(b, base_albedo(b, wi)) : 1;
-  if (is_layered(b)) {
-    const float coat_cosine = b.layers.clearcoat > 0 ? dot(b.layers.coat.n, wi_world) : 0;
-    leaving *= layers_transmit(b.layers, coat_cosine, wi.z);
-  }
+  if (is_layered(b)) leaving *= entering_layers(b.layers, wi, wi_world);
   return leaving / b.average_entering;
 }
 
-/// Whether the surface sends on any light at all.
-KERNEL bool scatters(const Bsdf& b) {
-  return b.glass > 0 || b.f90 > 0 || b.subsurface > 0 || !is_black(b.diffuse) || !is_black(b.f0) ||
+/// Where the surface sends on any light at all.
+template <class F>
+KERNEL BoolOf<F> scatters(const BsdfOf<F>& b) {
+  return (b.glass > 0) | (b.f90 > 0) | (b.subsurface > 0) | !is_black(b.diffuse) | !is_black(b.f0) |
          is_layered(b);
 }
 
-/// Whether lights are worth sampling: something is not a perfect mirror.
-KERNEL bool has_smooth_lobe(const Bsdf& b) {
-  return b.diffuse_probability > 0 || !b.delta || (passes_apart(b) && !b.through_delta) ||
-         (is_layered(b) && (b.layers.sheen_weight > 0 || !b.layers.delta));
+/// Where lights are worth sampling: something is not a perfect mirror.
+template <class F>
+KERNEL BoolOf<F> has_smooth_lobe(const BsdfOf<F>& b) {
+  BoolOf<F> smooth = (b.diffuse_probability > 0) | !b.delta;
+  if (const auto apart = passes_apart(b); any(apart)) smooth = smooth | (apart & !b.through_delta);
+  if (const auto layered = is_layered(b); any(layered))
+    smooth = smooth | (layered & ((b.layers.sheen_weight > 0) | !b.layers.delta));
+  return smooth;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -15,22 +15,28 @@ KERNEL F schlick_weight(F c) {
   return sqr(sqr(m)) * m;
 }
 
-struct Fresnel {
-  float reflectance;
-  float cos_t;  // of the refracted direction, > 0; 0: total internal reflection
+template <class F>
+struct FresnelOf {
+  F reflectance;
+  F cos_t;  // of the refracted direction, > 0; 0: total internal reflection
 };
+using Fresnel = FresnelOf<float>;
 /// Exact, unpolarised.
 ///
 /// c     cosine of incidence, >= 0
 /// eta   index of refraction of the far side over the near side's
-KERNEL Fresnel fresnel_dielectric(float c, float eta) {
-  const float eta2_sin2 = sqr(eta) - (1 - c * c);
-  if (eta2_sin2 <= 0) return {1, 0};
-  const float root = std::sqrt(eta2_sin2);  // eta * cos_t
-  const float perpendicular = (c - root) / (c + root);
-  const float parallel = (sqr(eta) * c - root) / (sqr(eta) * c + root);
-  return {0.5f * (sqr(perpendicular) + sqr(parallel)), root / eta};
+template <class F>
+KERNEL FresnelOf<F> fresnel_dielectric(F c, F eta) {
+  const F eta2_sin2 = sqr(eta) - (1 - c * c);
+  const BoolOf<F> total = eta2_sin2 <= 0;
+  if (all(total)) return {F(1), F(0)};
+  const F root = sqrt(eta2_sin2);  // eta * cos_t
+  const F perpendicular = (c - root) / (c + root);
+  const F parallel = (sqr(eta) * c - root) / (sqr(eta) * c + root);
+  return {select(total, F(1), 0.5f * (sqr(perpendicular) + sqr(parallel))),
+          select(total, F(0), root / eta)};
 }
+KERNEL Fresnel fresnel_dielectric(float c, float eta) { return fresnel_dielectric<float>(c, eta); }
 
 /// GGX microfacets: alpha along the local x and y.
 template <class F>
@@ -49,8 +55,9 @@ KERNEL F ggx_slope2(GgxOf<F> g, Vec3<F> w) {
 ///
 /// Source: Heitz 2014, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
 /// JCGT 3(2), section 5.3.
-KERNEL float ggx_lambda(vec3 w, Ggx g) {
-  return 0.5f * (std::sqrt(1 + ggx_slope2(g, w) / (w.z * w.z)) - 1);
+template <class F>
+KERNEL F ggx_lambda(Vec3<F> w, GgxOf<F> g) {
+  return 0.5f * (sqrt(1 + ggx_slope2(g, w) / (w.z * w.z)) - 1);
 }
 
 /// Density of normals D(h), unit h.
@@ -104,6 +111,10 @@ struct AlbedoOf {
   F schlick;
 };
 using Albedo = AlbedoOf<float>;
+template <LaneMask M, class F>
+KERNEL AlbedoOf<F> select(M m, const AlbedoOf<F>& a, const AlbedoOf<F>& b) {
+  return {select(m, a.total, b.total), select(m, a.schlick, b.schlick)};
+}
 
 template <class F>
 KERNEL AlbedoRowOf<F> albedo_row(F roughness) {
@@ -129,7 +140,7 @@ template <class F>
 KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
   const F c = clamp01(cosine);
   const F place = axis_place(c, row.alpha) * float(kAlbedoCosines - 1);
-  const IntOf<F> column = min2(to_int(place), IntOf<F>(kAlbedoCosines - 2));
+  const IntOf<F> column = min2(to_int(max2(place, F(0))), IntOf<F>(kAlbedoCosines - 2));
   const F w = place - to_float(column);
   const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
   const IntOf<F> second = first + i32(2 * kAlbedoCosines);
@@ -143,102 +154,126 @@ KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
 }
 
 /// A row of the tables for anisotropic microfacets.
-struct AnisotropicRow {
-  float roughness;
-  float aspect;  // square root of alpha along y over alpha along x; 1: isotropic
+template <class F>
+struct AnisotropicRowOf {
+  F roughness;
+  F aspect;  // square root of alpha along y over alpha along x; 1: isotropic
 };
 
 /// Where a number lies between n entries of a table, x from 0 to n - 1.
-struct Place {
-  u32 index;
-  float weight;  // of the next entry
+template <class F>
+struct PlaceOf {
+  IntOf<F> index;
+  F weight;  // of the next entry
+
+  /// Of the entry, or of the next one.
+  [[nodiscard]] KERNEL F weight_of(i32 step) const { return step ? weight : 1 - weight; }
 };
-KERNEL Place place_at(float x, u32 n) {
-  const u32 index = min2(u32(max2(x, 0.0f)), n - 2);
-  return {index, clamp01(x - float(index))};
+template <class F>
+KERNEL PlaceOf<F> place_at(F x, u32 n) {
+  const F inside = min2(max2(x, F(0)), F(float(n - 1)));
+  const IntOf<F> index = min2(to_int(inside), IntOf<F>(i32(n) - 2));
+  return {index, inside - to_float(index)};
 }
 
 /// w: unit, local
-HELIO_GPU_NOINLINE KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
-  const float sine = std::sqrt(w.x * w.x + w.y * w.y);
-  const float cos_phi = sine > 0 ? std::fabs(w.x) / sine : 0.5f;
-  const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
-  const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
-  const Place p = place_at(cos_phi * (kAnisotropicPhis - 1), kAnisotropicPhis);
-  const float alpha = sqr(row.roughness), along = alpha / row.aspect;
-  const float seen = std::sqrt(sqr(along * cos_phi) + sqr(alpha * row.aspect) * (1 - sqr(cos_phi)));
-  const float cosine = clamp01(w.z);
-  const Place c =
-      place_at(axis_place(cosine, seen) * (kAnisotropicCosines - 1), kAnisotropicCosines);
-  Albedo loss{0, 0};
-  for (u32 corner = 0; corner < 16; ++corner) {
-    const u32 da = corner & 1;
-    const u32 dr = corner >> 1 & 1;
-    const u32 dp = corner >> 2 & 1;
-    const u32 dc = corner >> 3;
-    const float weight = (da ? a.weight : 1 - a.weight) * (dr ? r.weight : 1 - r.weight) *
-                         (dp ? p.weight : 1 - p.weight) * (dc ? c.weight : 1 - c.weight);
-    const u32 row_index = (a.index + da) * kAnisotropicRoughnesses + r.index + dr;
-    const float* at =
-        kAnisotropicLoss +
-        2 * ((row_index * kAnisotropicPhis + p.index + dp) * kAnisotropicCosines + c.index + dc);
-    loss.total += at[0] * weight;
-    loss.schlick += at[1] * weight;
+template <class F>
+HELIO_GPU_NOINLINE KERNEL AlbedoOf<F> albedo_at(const AnisotropicRowOf<F>& row, Vec3<F> w) {
+  const F sine = sqrt(w.x * w.x + w.y * w.y);
+  const F cos_phi = select(sine > 0, abs(w.x) / sine, F(0.5f));
+  const auto a = place_at(aspect_place(row.aspect) * float(kAnisotropies - 1), kAnisotropies);
+  const auto r =
+      place_at(row.roughness * float(kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
+  const auto p = place_at(cos_phi * float(kAnisotropicPhis - 1), kAnisotropicPhis);
+  const F alpha = sqr(row.roughness), along = alpha / row.aspect;
+  const F seen = sqrt(sqr(along * cos_phi) + sqr(alpha * row.aspect) * (1 - sqr(cos_phi)));
+  const F cosine = clamp01(w.z);
+  const auto c =
+      place_at(axis_place(cosine, seen) * float(kAnisotropicCosines - 1), kAnisotropicCosines);
+  AlbedoOf<F> loss{F(0), F(0)};
+  for (i32 corner = 0; corner < 16; ++corner) {
+    const i32 da = corner & 1;
+    const i32 dr = corner >> 1 & 1;
+    const i32 dp = corner >> 2 & 1;
+    const i32 dc = corner >> 3;
+    const F weight = a.weight_of(da) * r.weight_of(dr) * p.weight_of(dp) * c.weight_of(dc);
+    const IntOf<F> row_index = (a.index + da) * i32(kAnisotropicRoughnesses) + r.index + dr;
+    const IntOf<F> at =
+        ((row_index * i32(kAnisotropicPhis) + p.index + dp) * i32(kAnisotropicCosines) + c.index +
+         dc) *
+        2;
+    loss.total += gather(kAnisotropicLoss, at) * weight;
+    loss.schlick += gather(kAnisotropicLoss, at + 1) * weight;
   }
-  const float scale = loss_scale(cosine, along);
+  const F scale = loss_scale(cosine, along);
   return {1 - loss.total * scale, schlick_weight(cosine) - loss.schlick * scale};
 }
-HELIO_GPU_NOINLINE KERNEL Albedo albedo_average(const AnisotropicRow& row) {
-  const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
-  const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
-  Albedo loss{0, 0};
-  for (u32 corner = 0; corner < 4; ++corner) {
-    const u32 da = corner & 1;
-    const u32 dr = corner >> 1;
-    const float weight = (da ? a.weight : 1 - a.weight) * (dr ? r.weight : 1 - r.weight);
-    const float* at =
-        kAnisotropicAverageLoss + 2 * ((a.index + da) * kAnisotropicRoughnesses + r.index + dr);
-    loss.total += at[0] * weight;
-    loss.schlick += at[1] * weight;
+template <class F>
+HELIO_GPU_NOINLINE KERNEL AlbedoOf<F> albedo_average(const AnisotropicRowOf<F>& row) {
+  const auto a = place_at(aspect_place(row.aspect) * float(kAnisotropies - 1), kAnisotropies);
+  const auto r =
+      place_at(row.roughness * float(kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
+  AlbedoOf<F> loss{F(0), F(0)};
+  for (i32 corner = 0; corner < 4; ++corner) {
+    const i32 da = corner & 1;
+    const i32 dr = corner >> 1;
+    const F weight = a.weight_of(da) * r.weight_of(dr);
+    const IntOf<F> at = ((a.index + da) * i32(kAnisotropicRoughnesses) + r.index + dr) * 2;
+    loss.total += gather(kAnisotropicAverageLoss, at) * weight;
+    loss.schlick += gather(kAnisotropicAverageLoss, at + 1) * weight;
   }
-  const float scale = sqr(sqr(row.roughness));
+  const F scale = sqr(sqr(row.roughness));
   return {1 - loss.total * scale, kSchlickMean - loss.schlick * scale};
 }
 
 /// Shares of light that leave a rough interface after one scattering.
-struct GlassAlbedo {
-  float reflected;  // by facets at which it could refract too
-  float totally;    // by the others
-  float refracted;
-  float kept;  // what refracts more if those facets reflect nothing
+template <class F>
+struct GlassAlbedoOf {
+  F reflected;  // by facets at which it could refract too
+  F totally;    // by the others
+  F refracted;
+  F kept;  // what refracts more if those facets reflect nothing
 };
+template <LaneMask M, class F>
+KERNEL GlassAlbedoOf<F> select(M m, const GlassAlbedoOf<F>& a, const GlassAlbedoOf<F>& b) {
+  return {select(m, a.reflected, b.reflected), select(m, a.totally, b.totally),
+          select(m, a.refracted, b.refracted), select(m, a.kept, b.kept)};
+}
 /// Between the entries of a table with so many iors, roughnesses and cosines; places from 0 to 1.
-HELIO_GPU_NOINLINE KERNEL GlassAlbedo glass_between(const float* table, u32 iors, u32 roughnesses,
-                                                    u32 cosines, vec3 places) {
-  const Place i = place_at(places.x * float(iors - 1), iors);
-  const Place j = place_at(places.y * float(roughnesses - 1), roughnesses);
-  const Place k = place_at(places.z * float(cosines - 1), cosines);
-  float sum[4]{};
-  for (u32 corner = 0; corner < 8; ++corner) {
-    const u32 dx = corner & 1;
-    const u32 dy = corner >> 1 & 1;
-    const u32 dz = corner >> 2;
-    const float weight = (dx ? i.weight : 1 - i.weight) * (dy ? j.weight : 1 - j.weight) *
-                         (dz ? k.weight : 1 - k.weight);
-    const u32 row = (i.index + dx) * roughnesses + j.index + dy;
-    const float* at = table + 4 * (row * cosines + k.index + dz);
-    for (u32 n = 0; n < 4; ++n) sum[n] += at[n] * weight;
+template <class F>
+HELIO_GPU_NOINLINE KERNEL GlassAlbedoOf<F> glass_between(const float* table, u32 iors,
+                                                         u32 roughnesses, u32 cosines,
+                                                         Vec3<F> places) {
+  const auto i = place_at(places.x * float(iors - 1), iors);
+  const auto j = place_at(places.y * float(roughnesses - 1), roughnesses);
+  const auto k = place_at(places.z * float(cosines - 1), cosines);
+  F sum[4]{F(0), F(0), F(0), F(0)};
+  for (i32 corner = 0; corner < 8; ++corner) {
+    const i32 dx = corner & 1;
+    const i32 dy = corner >> 1 & 1;
+    const i32 dz = corner >> 2;
+    const F weight = i.weight_of(dx) * j.weight_of(dy) * k.weight_of(dz);
+    const IntOf<F> row = (i.index + dx) * i32(roughnesses) + j.index + dy;
+    const IntOf<F> at = (row * i32(cosines) + k.index + dz) * 4;
+    for (i32 n = 0; n < 4; ++n) sum[n] += gather(table, at + n) * weight;
   }
   return {sum[0], sum[1], sum[2], sum[3]};
 }
 /// eta   index of the far side over the near side's
-KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
-  const vec3 places(ior_place(max2(eta, 1 / eta)), roughness,
-                    glass_place(clamp01(cosine), sqr(roughness), eta));
-  return eta > 1 ? glass_between(kEnteringAlbedo, kEnteringIors, kEnteringRoughnesses,
-                                 kEnteringCosines, places)
-                 : glass_between(kLeavingAlbedo, kLeavingIors, kLeavingRoughnesses, kLeavingCosines,
-                                 places);
+template <class F>
+KERNEL GlassAlbedoOf<F> glass_albedo(F cosine, F roughness, F eta) {
+  const Vec3<F> places(ior_place(max2(eta, 1 / eta)), roughness,
+                       glass_place(clamp01(cosine), sqr(roughness), eta));
+  return either(
+      eta > 1,
+      [&] {
+        return glass_between(kEnteringAlbedo, kEnteringIors, kEnteringRoughnesses, kEnteringCosines,
+                             places);
+      },
+      [&] {
+        return glass_between(kLeavingAlbedo, kLeavingIors, kLeavingRoughnesses, kLeavingCosines,
+                             places);
+      });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

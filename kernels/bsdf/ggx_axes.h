@@ -54,15 +54,19 @@ KERNEL F aspect_place(F aspect) {
 /// and as sharply as alpha lets it: cosines of microfacets differ by alpha times the sine.
 template <class F>
 KERNEL F glass_place(F cosine, F alpha, F eta) {
-  if (eta > 1) return axis_place(cosine, alpha);
-  const F critical = safe_sqrt(1 - eta * eta), above = 1 - critical;
+  const F critical = safe_sqrt(1 - eta * eta);
   const F width = alpha * (eta + F(0.5f) * alpha);
-  if (cosine >= critical) {
-    const F x = (cosine - critical) / above;
+  const auto reflected = [&] {
+    const F above = 1 - critical, x = (cosine - critical) / above;
     return F(0.5f) + F(0.25f) * (dense_place(x, width / above) + x);
-  }
-  const F x = cosine / critical;
-  return (dense_place(x, alpha / critical) + 1 - dense_place(1 - x, width / critical) + x) / 6;
+  };
+  const auto refracted = [&] {
+    const F x = cosine / critical;
+    return (dense_place(x, alpha / critical) + 1 - dense_place(1 - x, width / critical) + x) / 6;
+  };
+  return either(
+      eta > 1, [&] { return axis_place(cosine, alpha); },
+      [&] { return either(cosine >= critical, reflected, refracted); });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -11,115 +11,137 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Reflected over incoming amplitude; both polarisations have the same sign at normal incidence.
-struct Amplitude {
-  float s, p;
-  float cos_t;  // of the refracted direction; 0: total internal reflection
+template <class F>
+struct AmplitudeOf {
+  F s, p;
+  F cos_t;  // of the refracted direction; 0: total internal reflection
 };
 /// c, eta   as of fresnel_dielectric()
-KERNEL Amplitude amplitude_of(float c, float eta) {
-  const float eta2 = sqr(eta);
-  const float eta2_sin2 = eta2 - (1 - c * c);
-  if (eta2_sin2 <= 0) return {1, 1, 0};
-  const float root = std::sqrt(eta2_sin2);
-  return {(c - root) / (c + root), (root - eta2 * c) / (root + eta2 * c), root / eta};
+template <class F>
+KERNEL AmplitudeOf<F> amplitude_of(F c, F eta) {
+  const F eta2 = sqr(eta);
+  const F eta2_sin2 = eta2 - (1 - c * c);
+  const BoolOf<F> total = eta2_sin2 <= 0;
+  if (all(total)) return {F(1), F(1), F(0)};
+  const F root = sqrt(eta2_sin2);
+  return {select(total, F(1), (c - root) / (c + root)),
+          select(total, F(1), (root - eta2 * c) / (root + eta2 * c)),
+          select(total, F(0), root / eta)};
 }
 
 /// Orders of interference that count. What is left out is below 0.02 on average, 0.1 at worst.
 inline constexpr u32 kFringeOrders = 3;
 
 /// Means of the cosine of once, twice, ... the phase, by colour.
-struct Fringes {
-  vec3 order[kFringeOrders];
+template <class F>
+struct FringesOf {
+  Vec3<F> order[kFringeOrders];
 };
 
 /// Light that has gone `way` metres further.
 ///
 /// The eye's sensitivities are Gaussians over the wave number, those of the paper's supplement: two
 /// for X, one for Y and for Z. Constant spectra become white.
-KERNEL Fringes fringes_of(float way) {
+template <class F>
+KERNEL FringesOf<F> fringes_of(F way) {
   const float centers[4] = {1.6810e6f, 2.2399e6f, 1.7953e6f, 2.2084e6f};    // 1/m
   const float variances[4] = {4.3278e9f, 4.5282e9f, 9.3046e9f, 6.6121e9f};  // 1/m^2
   const vec3 colors[4] = {
       vec3(2.6062643f, -0.7795706f, 0.0447534f), vec3(0.4736903f, -0.1416875f, 0.0081340f),
       vec3(-1.5371385f, 1.8760108f, -0.2040259f), vec3(-0.5428160f, 0.0452474f, 1.1511385f)};
-  Fringes f{{vec3(0), vec3(0), vec3(0)}};
+  FringesOf<F> f{{Vec3<F>(0), Vec3<F>(0), Vec3<F>(0)}};
   for (u32 i = 0; i < 4; ++i) {
-    const float wave = sincos_turns(centers[i] * way).cos;
-    const float left = std::exp(-variances[i] * sqr(2 * kPi * way));
-    const float left3 = left * left * left;
-    f.order[0] += colors[i] * (left * wave);
-    f.order[1] += colors[i] * (left * left3 * (2 * wave * wave - 1));
-    f.order[2] += colors[i] * (left3 * left3 * left3 * (4 * wave * wave - 3) * wave);
+    const Vec3<F> color(colors[i]);
+    const F wave = sincos_turns(centers[i] * way).cos;
+    const F left = exp(-variances[i] * sqr(2 * kPi * way));
+    const F left3 = left * left * left;
+    f.order[0] += color * (left * wave);
+    f.order[1] += color * (left * left3 * (2 * wave * wave - 1));
+    f.order[2] += color * (left3 * left3 * left3 * (4 * wave * wave - 3) * wave);
   }
   return f;
 }
 
 /// A film between two media. Indices are over that of the side which light comes from.
-struct ThinFilm {
-  float weight;  // 0: none
-  float ior;
-  float way;  // metres that light goes in the film and back, times its index, at normal incidence
+template <class F>
+struct ThinFilmOf {
+  F weight;  // 0: none
+  F ior;
+  F way;  // metres that light goes in the film and back, times its index, at normal incidence
 };
+using ThinFilm = ThinFilmOf<float>;
 
 /// The film on a microfacet: all but what lies below.
-struct FilmFace {
-  Amplitude outer;
-  Fringes fringes;
+template <class F>
+struct FilmFaceOf {
+  AmplitudeOf<F> outer;
+  FringesOf<F> fringes;
 };
 /// c   cosine of incidence, >= 0
-KERNEL FilmFace film_face(const ThinFilm& film, float c) {
-  const Amplitude outer = amplitude_of(c, film.ior);
+template <class F>
+KERNEL FilmFaceOf<F> film_face(const ThinFilmOf<F>& film, F c) {
+  const AmplitudeOf<F> outer = amplitude_of(c, film.ior);
   return {outer, fringes_of(film.way * outer.cos_t)};
 }
 
 /// Share of one polarisation that a film reflects: a geometric sum over the bounces in it, in which
 /// amplitudes interfere.
-KERNEL vec3 reflect_film(float outer, vec3 inner, const Fringes& fringes) {
-  const float reflected = sqr(outer);
-  const float entering = 1 - reflected;
-  const vec3 below = inner * inner;
-  const vec3 returned =
-      below * (entering * entering) / glm::max(vec3(1) - below * reflected, vec3(1e-7f));
-  const vec3 bounce = inner * -outer;
-  const vec3 sum =
+template <class F>
+KERNEL Vec3<F> reflect_film(F outer, Vec3<F> inner, const FringesOf<F>& fringes) {
+  const F reflected = sqr(outer);
+  const F entering = 1 - reflected;
+  const Vec3<F> below = inner * inner;
+  const Vec3<F> returned =
+      below * (entering * entering) / max3(Vec3<F>(1) - below * reflected, Vec3<F>(1e-7f));
+  const Vec3<F> bounce = inner * -outer;
+  const Vec3<F> sum =
       bounce * (fringes.order[0] + bounce * (fringes.order[1] + bounce * fringes.order[2]));
-  return vec3(reflected) + returned + (returned - vec3(entering)) * sum * 2.0f;
+  return Vec3<F>(reflected) + returned + (returned - Vec3<F>(entering)) * sum * F(2);
 }
 
 /// Reflectance of a film on something with amplitudes `s` and `p`.
-KERNEL vec3 reflect_film(const FilmFace& face, vec3 s, vec3 p) {
-  const vec3 sum =
+template <class F>
+KERNEL Vec3<F> reflect_film(const FilmFaceOf<F>& face, Vec3<F> s, Vec3<F> p) {
+  const Vec3<F> sum =
       reflect_film(face.outer.s, s, face.fringes) + reflect_film(face.outer.p, p, face.fringes);
-  return glm::clamp(sum * 0.5f, vec3(0), vec3(1));
+  return min3(max3(sum * F(0.5f), Vec3<F>(0)), Vec3<F>(1));
 }
 
 /// Reflectance of a film on an interface of index eta.
 ///
 /// c, eta   as of fresnel_dielectric()
-HELIO_GPU_NOINLINE KERNEL vec3 film_on_dielectric(const ThinFilm& film, float c, float eta) {
-  const FilmFace face = film_face(film, c);
-  if (!(face.outer.cos_t > 0)) return vec3(1);
-  const Amplitude inner = amplitude_of(face.outer.cos_t, eta / film.ior);
-  return inner.cos_t > 0 ? reflect_film(face, vec3(inner.s), vec3(inner.p)) : vec3(1);
+template <class F>
+HELIO_GPU_NOINLINE KERNEL Vec3<F> film_on_dielectric(const ThinFilmOf<F>& film, F c, F eta) {
+  const FilmFaceOf<F> face = film_face(film, c);
+  const AmplitudeOf<F> inner = amplitude_of(face.outer.cos_t, F(eta / film.ior));
+  return either((face.outer.cos_t > 0) & (inner.cos_t > 0),
+                [&] { return reflect_film(face, Vec3<F>(inner.s), Vec3<F>(inner.p)); },
+                [&] { return Vec3<F>(1); });
+}
+
+KERNEL vec3 film_on_dielectric(const ThinFilm& film, float c, float eta) {
+  return film_on_dielectric<float>(film, c, eta);
 }
 
 /// Amplitude at normal incidence that something of reflectance f0 has below a film.
-KERNEL vec3 amplitude_below(const ThinFilm& film, vec3 f0) {
-  const vec3 a(std::sqrt(f0.x), std::sqrt(f0.y), std::sqrt(f0.z));
-  const vec3 film_side = (vec3(1) - a) * film.ior;
-  const vec3 base_side = vec3(1) + a;
+template <class F>
+KERNEL Vec3<F> amplitude_below(const ThinFilmOf<F>& film, Vec3<F> f0) {
+  const Vec3<F> a = sqrt3(f0);
+  const Vec3<F> film_side = (Vec3<F>(1) - a) * film.ior;
+  const Vec3<F> base_side = Vec3<F>(1) + a;
   return (film_side - base_side) / (film_side + base_side);
 }
 
 /// Reflectance of a film on something whose Fresnel is Schlick's.
 ///
 /// inner   amplitude_below()
-KERNEL vec3 film_on_schlick(const FilmFace& face, vec3 inner) {
-  const float weight = schlick_weight(face.outer.cos_t);
-  const auto at_cosine = [weight](float a) {
-    return std::copysign(std::sqrt(a * a + (1 - a * a) * weight), a);
+template <class F>
+KERNEL Vec3<F> film_on_schlick(const FilmFaceOf<F>& face, Vec3<F> inner) {
+  const F weight = schlick_weight(face.outer.cos_t);
+  const auto at_cosine = [weight](F a) {
+    return copysign(F(sqrt(a * a + (1 - a * a) * weight)), a);
   };
-  const vec3 a(at_cosine(inner.x), at_cosine(inner.y), at_cosine(inner.z));
+  const Vec3<F> a(at_cosine(inner.x), at_cosine(inner.y), at_cosine(inner.z));
   return reflect_film(face, a, a);
 }
 

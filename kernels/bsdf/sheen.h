@@ -10,41 +10,47 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Sheen of a roughness; below kSheenSmoothest it stays there, since the model would give off more
 /// than it gets.
-struct Sheen {
-  float roughness;
-  float alpha;
-  float half;               // the fit at cosine 1/2
-  float a, b, power, d, e;  // of the fit of Lambda
+template <class F>
+struct SheenOf {
+  F roughness;
+  F alpha;
+  F half;               // the fit at cosine 1/2
+  F a, b, power, d, e;  // of the fit of Lambda
 };
 
-KERNEL float sheen_fit(const Sheen& s, float x) {
-  return s.a / (1 + s.b * std::pow(x, s.power)) + s.d * x + s.e;
+template <class F>
+KERNEL F sheen_fit(const SheenOf<F>& s, F x) {
+  return s.a / (1 + s.b * pow(x, s.power)) + s.d * x + s.e;
 }
 
-KERNEL Sheen make_sheen(float roughness) {
-  Sheen s;
-  s.roughness = max2(roughness, kSheenSmoothest);
+template <class F>
+KERNEL SheenOf<F> make_sheen(F roughness) {
+  SheenOf<F> s;
+  s.roughness = max2(roughness, F(kSheenSmoothest));
   s.alpha = sqr(s.roughness);
-  const float smooth = sqr(1 - s.alpha);
+  const F smooth = sqr(1 - s.alpha);
   s.a = 21.5473f + (25.3245f - 21.5473f) * smooth;
   s.b = 3.82987f + (3.32435f - 3.82987f) * smooth;
   s.power = 0.19823f + (0.16801f - 0.19823f) * smooth;
   s.d = -1.97760f + (-1.27393f + 1.97760f) * smooth;
   s.e = -4.32054f + (-4.85967f + 4.32054f) * smooth;
-  s.half = sheen_fit(s, 0.5f);
+  s.half = sheen_fit(s, F(0.5f));
   return s;
 }
 
-KERNEL float sheen_lambda(const Sheen& s, float cosine) {
-  if (cosine < 0.5f) return std::exp(sheen_fit(s, cosine));
-  return std::exp(2 * s.half - sheen_fit(s, max2(1 - cosine, 0.0f)));
+template <class F>
+KERNEL F sheen_lambda(const SheenOf<F>& s, F cosine) {
+  const BoolOf<F> low = cosine < 0.5f;
+  const F fit = sheen_fit(s, select(low, cosine, max2(1 - cosine, F(0))));
+  return exp(F(select(low, fit, 2 * s.half - fit)));
 }
 
 /// D(h) G(wo, wi) / (4 wo.z), which is the reflection times the cosine of wi.
-KERNEL float sheen_reflection(const Sheen& s, vec3 wo, vec3 wi) {
-  const vec3 h = normalize(wo + wi);
-  const float sine2 = max2(1 - h.z * h.z, 0.0f);
-  const float density = (2 + 1 / s.alpha) * std::pow(sine2, 0.5f / s.alpha) * (0.5f * kInvPi);
+template <class F>
+KERNEL F sheen_reflection(const SheenOf<F>& s, Vec3<F> wo, Vec3<F> wi) {
+  const Vec3<F> h = normalize(wo + wi);
+  const F sine2 = max2(1 - h.z * h.z, F(0));
+  const F density = (2 + 1 / s.alpha) * pow(sine2, F(0.5f / s.alpha)) * (0.5f * kInvPi);
   return density / (4 * wo.z * (1 + sheen_lambda(s, wo.z) + sheen_lambda(s, wi.z)));
 }
 
@@ -52,16 +58,19 @@ KERNEL float sheen_reflection(const Sheen& s, vec3 wo, vec3 wi) {
 inline constexpr float kSheenMargin = 1e-3f;
 
 /// Share of light that white sheen reflects, never too small.
-KERNEL float sheen_albedo(const Sheen& s, float cosine) {
-  const Place r = place_at(
+template <class F>
+KERNEL F sheen_albedo(const SheenOf<F>& s, F cosine) {
+  const auto r = place_at(
       (s.roughness - kSheenSmoothest) * (float(kSheenRoughnesses - 1) / (1 - kSheenSmoothest)),
       kSheenRoughnesses);
-  const Place c = place_at(std::sqrt(clamp01(cosine)) * (kSheenCosines - 1), kSheenCosines);
-  const float* a = kSheenAlbedo + r.index * kSheenCosines + c.index;
-  const float* b = a + kSheenCosines;
-  const float low = a[0] + (a[1] - a[0]) * c.weight;
-  const float high = b[0] + (b[1] - b[0]) * c.weight;
-  return min2((low + (high - low) * r.weight) * (1 + kSheenMargin), 1.0f);
+  const auto c = place_at(sqrt(clamp01(cosine)) * float(kSheenCosines - 1), kSheenCosines);
+  const IntOf<F> at = r.index * i32(kSheenCosines) + c.index;
+  const auto between = [&](i32 step) {
+    const F first = gather(kSheenAlbedo, at + step);
+    return first + (gather(kSheenAlbedo, at + step + 1) - first) * c.weight;
+  };
+  const F low = between(0);
+  return min2((low + (between(i32(kSheenCosines)) - low) * r.weight) * (1 + kSheenMargin), F(1));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

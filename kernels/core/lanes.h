@@ -25,6 +25,9 @@ using IntVector = i32 __attribute__((vector_size(4 * kLanes)));
 struct Mask {
   IntVector v;  // -1 or 0
 
+  Mask() = default;
+  Mask(IntVector vector) : v(vector) {}
+  Mask(bool b) : v(IntVector{} - i32(b)) {}
   friend Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
   friend Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
   friend Mask operator!(Mask a) { return {~a.v}; }
@@ -66,10 +69,23 @@ struct Floats {
   friend Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
 };
 
+/// A value of an enumeration in each lane.
+template <class E>
+struct Enums {
+  Ints v;
+
+  Enums() = default;
+  Enums(Ints ints) : v(ints) {}
+  Enums(E e) : v(i32(e)) {}
+  friend Mask operator==(Enums a, Enums b) { return a.v == b.v; }
+};
+
 template <>
 struct InLanes<Floats> {
   using Int = Ints;
   using Bool = Mask;
+  template <class E>
+  using Enum = Enums<E>;
 };
 
 // ---------------------------------------------------------------- what floats have of their own
@@ -101,6 +117,24 @@ inline Floats select(Mask m, Floats a, Floats b) {
 inline Ints select(Mask m, Ints a, Ints b) { return (a.v & m.v) | (b.v & ~m.v); }
 inline Vec3<Floats> select(Mask m, Vec3<Floats> a, Vec3<Floats> b) {
   return Vec3<Floats>(select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z));
+}
+
+inline Vec2<Floats> select(Mask m, Vec2<Floats> a, Vec2<Floats> b) {
+  return Vec2<Floats>(select(m, a.x, b.x), select(m, a.y, b.y));
+}
+inline Mask select(Mask m, Mask a, Mask b) { return {(a.v & m.v) | (b.v & ~m.v)}; }
+template <class E>
+Enums<E> select(Mask m, Enums<E> a, Enums<E> b) {
+  return {select(m, a.v, b.v)};
+}
+inline FrameOf<Floats> select(Mask m, const FrameOf<Floats>& a, const FrameOf<Floats>& b) {
+  return {select(m, a.s, b.s), select(m, a.t, b.t), select(m, a.n, b.n)};
+}
+template <class F, class G>
+auto either(Mask condition, const F& f, const G& g) {
+  if (all(condition)) return f();
+  if (!any(condition)) return g();
+  return select(condition, f(), g());
 }
 
 inline Floats min2(Floats a, Floats b) {
@@ -135,9 +169,20 @@ inline Floats floor(Floats x) {
   return x;
 #endif
 }
+inline Floats exp(Floats x) {
+  for (u32 i = 0; i < kLanes; ++i) x.v[i] = std::exp(float(x.v[i]));
+  return x;
+}
+inline Floats pow(Floats x, Floats y) {
+  for (u32 i = 0; i < kLanes; ++i) x.v[i] = std::pow(float(x.v[i]), float(y.v[i]));
+  return x;
+}
 inline Floats abs(Floats x) { return FloatVector(IntVector(x.v) & 0x7fffffff); }
 inline Floats sign_of(Floats x) {
   return FloatVector((IntVector(x.v) & i32(0x80000000)) | IntVector(Floats(1).v));
+}
+inline Floats copysign(Floats x, Floats sign) {
+  return FloatVector((IntVector(x.v) & 0x7fffffff) | (IntVector(sign.v) & i32(0x80000000)));
 }
 inline Ints to_int(Floats x) { return __builtin_convertvector(x.v, IntVector); }
 inline Floats to_float(Ints x) { return __builtin_convertvector(x.v, FloatVector); }
@@ -155,6 +200,22 @@ inline Floats gather(const float* table, Ints i) {
   for (u32 lane = 0; lane < kLanes; ++lane) v[lane] = table[i.v[lane]];
   return v;
 #endif
+}
+
+/// One lane of several, which lie in memory.
+inline void put(Floats& lanes, u32 i, float x) { lanes.v[i] = x; }
+inline void put(Ints& lanes, u32 i, i32 x) { lanes.v[i] = x; }
+inline void put(Mask& lanes, u32 i, bool b) { lanes.v[i] = -i32(b); }
+inline void put(Vec2<Floats>& lanes, u32 i, vec2 v) { put(lanes.x, i, v.x), put(lanes.y, i, v.y); }
+inline void put(Vec3<Floats>& lanes, u32 i, vec3 v) {
+  put(lanes.x, i, v.x), put(lanes.y, i, v.y), put(lanes.z, i, v.z);
+}
+inline float get(const Floats& lanes, u32 i) { return lanes.v[i]; }
+inline i32 get(const Ints& lanes, u32 i) { return lanes.v[i]; }
+inline bool get(const Mask& lanes, u32 i) { return lanes.v[i] != 0; }
+inline vec2 get(const Vec2<Floats>& lanes, u32 i) { return vec2(get(lanes.x, i), get(lanes.y, i)); }
+inline vec3 get(const Vec3<Floats>& lanes, u32 i) {
+  return vec3(get(lanes.x, i), get(lanes.y, i), get(lanes.z, i));
 }
 
 /// A number of each lane, in memory.

@@ -11,16 +11,20 @@ using Vec2 = glm::vec<2, F>;
 template <class F>
 using Vec3 = glm::vec<3, F>;
 
-/// What integers and truth are where numbers are F.
+/// What integers, truth and enumerations are where numbers are F.
 template <class F>
 struct InLanes {
   using Int = i32;
   using Bool = bool;
+  template <class E>
+  using Enum = E;
 };
 template <class F>
 using IntOf = typename InLanes<F>::Int;
 template <class F>
 using BoolOf = typename InLanes<F>::Bool;
+template <class F, class E>
+using EnumOf = typename InLanes<F>::template Enum<E>;
 
 template <class T>
 KERNEL T min2(T a, T b) {
@@ -31,13 +35,25 @@ KERNEL T max2(T a, T b) {
   return a > b ? a : b;
 }
 
+/// Truth of several numbers side by side.
+template <class M>
+concept LaneMask = std::is_class_v<M>;
+
 KERNEL bool any(bool b) { return b; }
 KERNEL bool all(bool b) { return b; }
 template <class T>
 KERNEL T select(bool condition, T a, T b) {
   return condition ? a : b;
 }
+/// f() where the condition holds and g() elsewhere; neither is called for nobody.
+template <class F, class G>
+KERNEL auto either(bool condition, const F& f, const G& g) {
+  return condition ? f() : g();
+}
 KERNEL float sqrt(float x) { return std::sqrt(x); }
+KERNEL float exp(float x) { return std::exp(x); }
+KERNEL float pow(float x, float y) { return std::pow(x, y); }
+KERNEL float copysign(float x, float sign) { return std::copysign(x, sign); }
 KERNEL float floor(float x) { return std::floor(x); }
 KERNEL float abs(float x) { return std::fabs(x); }
 /// 1 or -1, by the sign bit.
@@ -76,10 +92,28 @@ template <class F>
 KERNEL F max_component(Vec3<F> v) {
   return max2(v.x, max2(v.y, v.z));
 }
-KERNEL float min_component(vec3 v) { return min2(v.x, min2(v.y, v.z)); }
-KERNEL bool is_black(vec3 v) { return v.x == 0 && v.y == 0 && v.z == 0; }
+template <class F>
+KERNEL F min_component(Vec3<F> v) {
+  return min2(v.x, min2(v.y, v.z));
+}
+template <class F>
+KERNEL BoolOf<F> is_black(Vec3<F> v) {
+  return (v.x == 0) & (v.y == 0) & (v.z == 0);
+}
 KERNEL vec3 abs3(vec3 v) { return vec3(std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)); }
-KERNEL vec3 max3(vec3 a, vec3 b) { return vec3(max2(a.x, b.x), max2(a.y, b.y), max2(a.z, b.z)); }
+/// By component, as GLM's.
+template <class F>
+KERNEL Vec3<F> min3(Vec3<F> a, Vec3<F> b) {
+  return Vec3<F>(min2(b.x, a.x), min2(b.y, a.y), min2(b.z, a.z));
+}
+template <class F>
+KERNEL Vec3<F> max3(Vec3<F> a, Vec3<F> b) {
+  return Vec3<F>(max2(b.x, a.x), max2(b.y, a.y), max2(b.z, a.z));
+}
+template <class F>
+KERNEL Vec3<F> sqrt3(Vec3<F> v) {
+  return Vec3<F>(sqrt(v.x), sqrt(v.y), sqrt(v.z));
+}
 
 /// Rec.709 luminance of a linear colour.
 template <class F>
@@ -101,9 +135,10 @@ KERNEL vec3 transform_normal(const mat4x3& inverse, vec3 n) {
 
 /// Unit vector along v, or `otherwise` when v has no direction. Lengths from 1e-18 to 1e18; see
 /// near_one().
-KERNEL vec3 normalize_or(vec3 v, vec3 otherwise) {
-  const float length2 = dot(v, v);
-  return length2 > 0 ? v * (1 / std::sqrt(length2)) : otherwise;
+template <class F>
+KERNEL Vec3<F> normalize_or(Vec3<F> v, Vec3<F> otherwise) {
+  const F length2 = dot(v, v);
+  return select(length2 > 0, v * (1 / sqrt(length2)), otherwise);
 }
 
 /// A power of two that brings a number in [2^-126, 2^127) into [1, 2).

@@ -9,14 +9,16 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// A point as its material sees it. Directions unit, world; of the front side.
-struct ShadingPoint {
-  vec3 wo;  // leaves the surface
-  vec3 ng, ns;
-  vec3 tangent{0};           // along which anisotropic highlights stretch; zero: anywhere
-  vec3 clearcoat_normal{0};  // used where there is clearcoat
-  bool thin_walled = false;
-  float outside = 1;  // index of refraction of what is on the side that is not the inside
+template <class F>
+struct ShadingPointOf {
+  Vec3<F> wo;  // leaves the surface
+  Vec3<F> ng, ns;
+  Vec3<F> tangent{0};           // along which anisotropic highlights stretch; zero: anywhere
+  Vec3<F> clearcoat_normal{0};  // used where there is clearcoat
+  BoolOf<F> thin_walled = false;
+  F outside = 1;  // index of refraction of what is on the side that is not the inside
 };
+using ShadingPoint = ShadingPointOf<float>;
 
 /// A point of a surface, seen from its front (counter-clockwise) side. World space.
 struct Surface {

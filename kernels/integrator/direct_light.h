@@ -31,22 +31,31 @@ KERNEL Receiver receiver_of(const SceneView& scene, const Vertex& v, float time)
   return receiver_at(scene, v.surface.p, is_layered(b) ? b.ng : b.frame.n,
                      b.glass > 0 ? Facing::kBoth : Facing::kFront, time);
 }
-/// Density [1/sr] with which scatter() takes a direction whose density among the surface's own is
-/// `pdf`. Casters are looked for on the near side only.
-KERNEL float scatter_pdf(const Vertex& v, vec3 wi, float pdf) {
-  if (v.casters->count == 0) return pdf;
-  const float own = (1 - v.casters->probability) * pdf;
-  if (!(pdf > 0) || dot(v.bsdf.ng, wi) <= 0) return own;
-  return own + v.casters->probability * casters_pdf(*v.casters, wi);
+/// Density [1/sr] with which choose_direction() takes a direction whose density among the surface's
+/// own is `pdf`. Casters are looked for on the near side only.
+template <class F>
+KERNEL F scatter_pdf(const BsdfOf<F>& b, const CasterConesOf<F>& casters, Vec3<F> wi, F pdf) {
+  if (casters.count == 0) return pdf;
+  const F own = (1 - casters.probability) * pdf;
+  const BoolOf<F> above = (pdf > 0) & (dot(b.ng, wi) > 0);
+  if (!any(above)) return own;
+  return select(above, own + casters.probability * casters_pdf(casters, wi), own);
 }
 /// visibility: of the light.
-KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
-  BsdfValue f = evaluate_bsdf(v.bsdf, wi);
-  f.pdf = scatter_pdf(v, wi, f.pdf);
-  const bool transmitted = dot(v.bsdf.ng, wi) < 0;
-  if (!(visibility & kDiffuseRay)) f.diffuse = vec3(0);
-  if (!(visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);
+template <class F>
+KERNEL BsdfValueOf<F> scattered(const BsdfOf<F>& b, const CasterConesOf<F>& casters, Vec3<F> wi,
+                                IntOf<F> visibility) {
+  const auto sees = [visibility](u32 ray) { return !((visibility & i32(ray)) == 0); };
+  BsdfValueOf<F> f = evaluate_bsdf(b, wi);
+  f.pdf = scatter_pdf(b, casters, wi, f.pdf);
+  const BoolOf<F> transmitted = dot(b.ng, wi) < 0;
+  f.diffuse = select(sees(kDiffuseRay), f.diffuse, Vec3<F>(0));
+  f.glossy =
+      select(select(transmitted, sees(kTransmissionRay), sees(kGlossyRay)), f.glossy, Vec3<F>(0));
   return f;
+}
+KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
+  return scattered(v.bsdf, *v.casters, wi, i32(visibility));
 }
 KERNEL vec3 leave_towards(const Vertex& v, vec3 wi, Inside& inside) {
   if (kRich && dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
@@ -108,14 +117,10 @@ KERNEL void send(const PathContext<T>& c, const Path& path, const Ray& ray, Insi
   collect(c, sample, light, route);
 }
 
-/// Light that comes to a point straight from one light.
+/// Light that sample_light() has chosen comes to a point, which sends `f` of it on.
 template <Tracer T, class Point>
-KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
-                         SampleValues& sample) {
-  LightSample light;
-  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, at.receiver, u, light)) return;
-  const BsdfValue f = scattered(at, light.direction, light.visibility);
+KERNEL void take_light(const PathContext<T>& c, const Path& path, const Point& at,
+                       const LightSample& light, const BsdfValue& f, SampleValues& sample) {
   const vec3 total = f.diffuse + f.glossy;
   if (!(max_component(total) > 0)) return;
 
@@ -132,6 +137,16 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   const u32 group = light_group(c.scene, light);
   send(c, path, ray, inside, {radiance, path.edges + 1, light.light == kNone, group}, route,
        sample);
+}
+
+/// Light that comes to a point straight from one light.
+template <Tracer T, class Point>
+KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
+                         SampleValues& sample) {
+  LightSample light;
+  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
+  if (!sample_light(c.scene, at.receiver, u, light)) return;
+  take_light(c, path, at, light, scattered(at, light.direction, light.visibility), sample);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,6 +1,6 @@
 // The integrator: unbiased path tracing with next event estimation and multiple importance
-// sampling. render_pixel() is the whole of it, one path after the other; backends take the same
-// steps for many paths side by side (lockstep.h on a CPU, wave.h on a GPU).
+// sampling, as steps of a path. Drivers take them: scalar.h one path after the other, lockstep.h
+// many side by side on a CPU, wave.h on a GPU.
 #pragma once
 
 #include <new>
@@ -105,99 +105,123 @@ HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path,
   collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
 }
 
-/// Finds out how the surface scatters light; false when it does not.
+/// How surfaces scatter light, and the casters that they see. Returns which scatter any.
+///
+/// looks   where paths look for casters
+template <class F>
+KERNEL BoolOf<F> set_scattering(const SceneView& scene, const MaterialValuesOf<F>& m,
+                                const ShadingPointOf<F>& at, Vec3<F> p, BoolOf<F> looks,
+                                BsdfOf<F>& b, CasterConesOf<F>& casters) {
+  set_bsdf(b, m, at);
+  const BoolOf<F> any_light = scatters(b);
+  casters.count = 0;
+  casters.probability = F(0);
+  looks = looks & any_light & (b.diffuse_probability > 0);
+  if (any(looks)) {
+    gather_caustic_targets(casters, scene, p, b.frame.n);
+    casters.probability = select(looks, casters.probability, F(0));
+  }
+  return any_light;
+}
 template <Tracer T>
-HELIO_ALWAYS_INLINE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path, Vertex& v,
-                                               SampleValues& sample) {
-  const Surface& s = v.surface;
-  const vec3 wo = -path.ray.direction;
-  if (!s.material->unlit) {
-    ShadingPoint at = shading_point(c.scene, s, v.material, wo);
-    at.outside = v.boundary.outside;
-    set_bsdf(v.bsdf, v.material, at);
-    if (scatters(v.bsdf)) {
-      v.receiver = receiver_of(c.scene, v, c.time);
-      if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
-          c.scene.caster_count > 0) {
-        gather_caustic_targets(*v.casters, c.scene, s.p, v.bsdf.frame.n);
-      }
-      return true;
-    }
+KERNEL bool looks_for_casters(const PathContext<T>& c, const Path& path) {
+  return path.edges <= kCasterEdges && c.scene.caster_count > 0;
+}
+
+/// Where a path goes on from a surface.
+template <class F>
+struct DirectionOf {
+  BsdfSampleOf<F> sample;
+  BoolOf<F> goes_on;
+  BoolOf<F> is_vertex;  // it is no perfect mirror to the path: denoising guides are recorded
+  Vec3<F> guide;        // the weight of light that goes on by the surface's own choice
+};
+
+/// Turns samples of surfaces' own into those of directions towards casters, too. Returns which go
+/// on.
+///
+/// aimed, choice   whether one is to go to a caster, and uniform in [0, 1) which
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F>& b,
+                                                             const CasterConesOf<F>& casters,
+                                                             BoolOf<F> aimed, F choice, Vec2<F> u,
+                                                             BoolOf<F> goes_on,
+                                                             BsdfSampleOf<F>& s) {
+  if (any(aimed)) {
+    const CasterDirectionOf<F> to = sample_casters(casters, choice, u);
+    const BsdfValueOf<F> f = evaluate_bsdf(b, to.wi);
+    const F diffuse = b.diffuse_probability * dot(b.frame.n, to.wi) * kInvPi;
+    const F scale = 1 / f.pdf;
+    const BsdfSampleOf<F> towards{to.wi,
+                                  (f.diffuse + f.glossy) * scale,
+                                  f.diffuse * scale,
+                                  f.pdf,
+                                  F(1),
+                                  select(to.rest * f.pdf < diffuse, EnumOf<F, Lobe>(Lobe::kDiffuse),
+                                         EnumOf<F, Lobe>(Lobe::kGlossy))};
+    s = select(aimed, towards, s);
+    const BoolOf<F> lit = (f.pdf > 0) & (dot(b.ng, to.wi) > 0);
+    goes_on = select(aimed, lit, goes_on);
+    if (!any(goes_on)) return goes_on;
   }
-  if (!path.guided) {
-    sample.albedo = path.throughput * path.radiance_scale * glm::min(v.emission, vec3(1));
-    sample.normal = dot(wo, s.ng) >= 0 ? s.ns : -s.ns;
+  const BoolOf<F> smooth = s.pdf > 0;
+  const F pdf = scatter_pdf(b, casters, s.wi, s.pdf);
+  const F factor = select(smooth, s.pdf / pdf, 1 / (1 - casters.probability));
+  s.weight *= factor;
+  s.diffuse *= select(smooth, factor, F(1));
+  s.pdf = select(smooth, pdf, s.pdf);
+  return goes_on;
+}
+
+/// Chooses where paths go on: by the surface, or towards a caster.
+///
+/// choice, u   uniform in [0, 1)
+template <class F>
+KERNEL DirectionOf<F> choose_direction(const BsdfOf<F>& b, const CasterConesOf<F>& casters,
+                                       Vec3<F> subsurface_color, F choice, Vec2<F> u) {
+  DirectionOf<F> to;
+  BsdfSampleOf<F>& s = to.sample;
+  const F share = casters.probability;
+  const BoolOf<F> aimed = choice < share;
+  if (casters.count > 0) {
+    choice = select(aimed, rescale_uniform(choice, share),
+                    rescale_uniform(F(choice - share), F(1 - share)));
   }
-  return false;
+  to.goes_on = sample_bsdf(b, choice, u, s);
+  const BoolOf<F> enters = s.lobe == EnumOf<F, Lobe>(Lobe::kSubsurface);
+  const Vec3<F> factor = select(rich(enters), subsurface_color, Vec3<F>(sqr(s.eta)));
+  to.guide = select(to.goes_on, s.weight * factor, Vec3<F>(0));
+  to.is_vertex = (!to.goes_on) | aimed | enters | (s.pdf > 0);
+  if (any((share > 0) & (to.goes_on | aimed)))
+    to.goes_on = mix_casters(b, casters, aimed, choice, u, to.goes_on, s);
+  return to;
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
-///
-/// weight   of the light that goes on
 KERNEL void record_guides(Path& path, vec3 weight, vec3 normal, SampleValues& sample) {
   sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
   sample.normal = normal;
   path.guided = true;
 }
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void record_guides(Path& path, const Vertex& v,
-                                                          const BsdfSample* s,
-                                                          SampleValues& sample) {
-  vec3 weight(0);
-  if (s) {
-    const bool enters = s->lobe == Lobe::kSubsurface;
-    weight = s->weight * (enters ? v.material.subsurface_color : vec3(sqr(s->eta)));
-  }
-  record_guides(path, weight, v.bsdf.frame.n, sample);
+/// The same, where a surface scatters no light.
+KERNEL void record_guides(const Path& path, const Vertex& v, SampleValues& sample) {
+  if (path.guided) return;
+  const Surface& s = v.surface;
+  sample.albedo = path.throughput * path.radiance_scale * glm::min(v.emission, vec3(1));
+  sample.normal = dot(path.ray.direction, s.ng) <= 0 ? s.ns : -s.ns;
 }
 
-/// Turns a sample of the surface's own into one of directions towards casters, too.
-///
-/// aimed, choice   whether it is to go to a caster, and uniform in [0, 1) which
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice,
-                                                        vec2 u, BsdfSample& s) {
-  if (aimed) {
-    const CasterDirectionOf<float> to = sample_casters(*v.casters, choice, u);
-    const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
-    if (!(f.pdf > 0) || dot(v.bsdf.ng, to.wi) <= 0) return false;
-    const float diffuse = v.bsdf.diffuse_probability * dot(v.bsdf.frame.n, to.wi) * kInvPi;
-    const float scale = 1 / f.pdf;
-    s = {to.wi,
-         (f.diffuse + f.glossy) * scale,
-         f.diffuse * scale,
-         f.pdf,
-         1,
-         to.rest * f.pdf < diffuse ? Lobe::kDiffuse : Lobe::kGlossy};
-  }
-  if (!(s.pdf > 0)) {
-    s.weight *= 1 / (1 - v.casters->probability);
-    return true;
-  }
-  const float pdf = scatter_pdf(v, s.wi, s.pdf);
-  s.weight *= s.pdf / pdf;
-  s.diffuse *= s.pdf / pdf;
-  s.pdf = pdf;
-  return true;
-}
-
-/// The path goes on in a direction of the surface's choice, or towards a caster; false when it
-/// ends. The vertex becomes the one that it goes on from.
+/// The path goes on from the vertex in a direction that has been chosen; false when it ends.
 template <Tracer T>
-KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
-  const float share = v.casters->probability;
-  const bool chooses = share > 0 || chooses_lobe(v.bsdf);
-  float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
-  const bool aimed = choice < share;
-  choice = aimed ? rescale_uniform(choice, share) : rescale_uniform(choice - share, 1 - share);
-  const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
-  BsdfSample s;
-  bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
-  if (!path.guided && (!goes_on || aimed || s.lobe == Lobe::kSubsurface || s.pdf > 0)) {
-    record_guides(path, v, goes_on ? &s : nullptr, sample);
-  }
-  if (share > 0 && (goes_on || aimed)) goes_on = mix_casters(v, aimed, choice, u, s);
-  if (!goes_on) return false;
+HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vertex& v,
+                                       const DirectionOf<float>& to, SampleValues& sample) {
+  const BsdfSample& s = to.sample;
+  if (!path.guided && to.is_vertex) record_guides(path, to.guide, v.bsdf.frame.n, sample);
+  if (!to.goes_on) return false;
   path.throughput *= s.weight;
-  if (kRich && s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
+  if (kRich && s.lobe == Lobe::kSubsurface) {
+    return scatter_inside(c, path, v, sample) && path.edges <= c.settings.max_depth;
+  }
   const bool transmitted = s.lobe == Lobe::kTransmission;
   if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
     path.route = {share_of(s.diffuse, s.weight),
@@ -209,7 +233,36 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
                    : transmitted            ? kTransmissionRay
                                             : kGlossyRay;
   go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, v.receiver});
-  return survives(c, path);
+  return survives(c, path) && path.edges <= c.settings.max_depth;
+}
+
+/// Whether the path's vertex is its last: it is met, and takes no light.
+template <Tracer T>
+KERNEL bool is_last(const PathContext<T>& c, const Path& path) {
+  return path.edges >= c.settings.max_depth;
+}
+
+/// The surface that the path has come to scatters light; false when the path ends.
+///
+/// light   (path, vertex): takes light at the vertex straight from one light
+template <Tracer T, class Light>
+HELIO_ALWAYS_INLINE KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v,
+                                        SampleValues& sample, const Light& light) {
+  const Surface& s = v.surface;
+  ShadingPoint at = shading_point(c.scene, s, v.material, -path.ray.direction);
+  at.outside = v.boundary.outside;
+  CasterCones& casters = *v.casters;
+  if (!set_scattering(c.scene, v.material, at, s.p, looks_for_casters(c, path), v.bsdf, casters)) {
+    record_guides(path, v, sample);
+    return false;
+  }
+  v.receiver = receiver_of(c.scene, v, c.time);
+  if (!is_last(c, path) && has_lights(c.scene) && has_smooth_lobe(v.bsdf)) light(path, v);
+  const bool chooses = casters.probability > 0 || chooses_lobe(v.bsdf);
+  const float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
+  const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
+  return follow(c, path, v,
+                choose_direction(v.bsdf, casters, v.material.subsurface_color, choice, u), sample);
 }
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
@@ -266,34 +319,35 @@ HELIO_ALWAYS_INLINE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
   return {end, flight};
 }
 
-/// The path has set out and its ray has met something, or nothing. Returns whether it goes on.
+/// What becomes of a path where its ray ends.
+enum class Met : u8 { kEnd, kPassage, kSurface };
+
+/// The path has set out and its ray has met something, or nothing: it ends there, goes on, or comes
+/// to a surface whose light it is to scatter().
 ///
-/// light   (path, vertex): takes light at the vertex straight from one light
-/// take    (path, vertex): whether somebody else makes the path go on from there
-/// sky     where the ray leaves the scene: its place in the dome if that is known, else null
-template <Tracer T, class Light, class Take>
-HELIO_ALWAYS_INLINE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
-                                       const Hit& hit, SampleValues& sample, const Light& light,
-                                       const Take& take, const DomePlace* sky = nullptr) {
+/// v     the surface, if it meets one
+/// sky   where the ray leaves the scene: its place in the dome if that is known, else null
+template <Tracer T>
+HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const Reach& reach,
+                                      const Hit& hit, Vertex& v, SampleValues& sample,
+                                      const DomePlace* sky = nullptr) {
+  const auto passes = [](bool goes_on) { return goes_on ? Met::kPassage : Met::kEnd; };
   ++sample.rays;
   Collision at{};
   const bool collides = meets_volume(c, path, hit.t, at);
   if (is_filled(path.inside)) {
     path.ray.t_max = reach.end;
     const Flown flown = end_flight(c, path, reach.flight, collides ? at.t : hit.t, sample);
-    if (flown != Flown::kPassed) return flown == Flown::kScattered;
+    if (flown != Flown::kPassed) return passes(flown == Flown::kScattered);
   }
-  if (kRich && collides) return hit_volume(c, path, at, sample);
+  if (kRich && collides) return passes(hit_volume(c, path, at, sample));
   if (hit.instance == kNone) {
     miss(c, path, sky, sample);
-    return false;
+    return Met::kEnd;
   }
-  CasterCones casters;
-  Vertex v;
-  v.casters = &casters;
   sample.hit = true;
   hit_surface(c, path, hit, v, sample);
-  if (kRich && v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
+  if (kRich && v.boundary.meeting != Meeting::kScatters) return passes(pass_surface(path, v));
   if (path.edges == 1 && wants_rich(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
     sample.open = open_hemisphere(c, v, path, sample);
   }
@@ -301,52 +355,21 @@ HELIO_ALWAYS_INLINE KERNEL bool arrive(const PathContext<T>& c, Path& path, cons
     const MaterialValues& m = v.material;
     sample.diffuse_color = m.base_color * ((1 - m.metallic) * (1 - m.transmission));
   }
-  const bool last = path.edges >= c.settings.max_depth;
-  if (last && path.guided) return false;
-  if (!last && take(path, v)) return false;
-  if (!set_scattering(c, path, v, sample)) return false;
-  if (!last && has_lights(c.scene) && has_smooth_lobe(v.bsdf)) light(path, v);
-  return scatter(c, path, v, sample) && path.edges <= c.settings.max_depth;
+  if (is_last(c, path) && path.guided) return Met::kEnd;
+  if (!v.surface.material->unlit && !is_black(v.material)) return Met::kSurface;
+  record_guides(path, v, sample);
+  return Met::kEnd;
 }
 
-/// Takes no vertex, see arrive().
-struct TakesNone {
-  KERNEL bool operator()(const Path&, const Vertex&) const { return false; }
-};
-
-/// Traces one path and all the light it meets.
-template <Tracer T>
-KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
-  SampleValues sample;
-  const auto light = [&](const Path& path, const Vertex& v) { sample_light(c, path, v, sample); };
-  Path path = begin_sample(c, first_ray(c, x, y), sample);
-  while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
-    const Reach reach = set_out(c, path);
-    const Hit hit = c.tracer.closest(path.ray, path.mask);
-    if (!arrive(c, path, reach, hit, sample, light, TakesNone{})) break;
-  }
-  return sample;
-}
-
-/// Adds samples [first_sample, first_sample + sample_count) of pixel (x, y) to the film; returns
-/// rays traced.
-template <Tracer T>
-KERNEL u32 render_pixel(const SceneView& scene, const CameraView& camera, const Settings& settings,
-                        const T& tracer, const FilmView& film, u32 x, u32 y, u32 first_sample,
-                        u32 sample_count) {
-  const u64 key = pixel_key(settings.seed, x, y);
-  const u64 pixel = u64(y) * film.width + x;
-  u32 rays = 0;
-  for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
-    const Sampler sampler(key, i);
-    const float time = path_time(camera, sampler, x, y);
-    const CameraAt now(camera, time);
-    const PathContext<T> context{scene, now.camera(), settings, tracer, film, sampler, time, pixel};
-    const SampleValues sample = trace_path(context, x, y);
-    write_sample(film, pixel, sample, (i + 1) % kBlock == 0);
-    rays += sample.rays;
-  }
-  return rays;
+/// arrive() and, at a surface, scatter(): false when the path ends.
+template <Tracer T, class Light>
+HELIO_ALWAYS_INLINE KERNEL bool advance(const PathContext<T>& c, Path& path, const Reach& reach,
+                                        const Hit& hit, SampleValues& sample, const Light& light) {
+  CasterCones casters;
+  Vertex v;
+  v.casters = &casters;
+  const Met met = arrive(c, path, reach, hit, v, sample);
+  return met == Met::kSurface ? scatter(c, path, v, sample, light) : met == Met::kPassage;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

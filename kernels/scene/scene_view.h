@@ -39,23 +39,25 @@ struct TextureUseView {
 
 // ---------------------------------------------------------------- materials
 
-template <int N>
+template <int N, class F = float>
 struct ParameterType;
-template <>
-struct ParameterType<1> {
-  using type = float;
+template <class F>
+struct ParameterType<1, F> {
+  using type = F;
 };
-template <>
-struct ParameterType<3> {
-  using type = vec3;
+template <class F>
+struct ParameterType<3, F> {
+  using type = glm::vec<3, F>;
 };
 
 /// One value of every parameter: base_color, metallic, ...
-struct MaterialValues {
-#define HELIO_PARAMETER(name, components, ...) ParameterType<components>::type name;
+template <class F>
+struct MaterialValuesOf {
+#define HELIO_PARAMETER(name, components, ...) typename ParameterType<components, F>::type name;
   HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
 #undef HELIO_PARAMETER
 };
+using MaterialValues = MaterialValuesOf<float>;
 
 enum class ParameterBit : u32 {
 #define HELIO_PARAMETER(name, ...) name,

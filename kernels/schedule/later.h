@@ -60,18 +60,5 @@ KERNEL void sample_light_later(const PathContext<T>& c, const Path& path, const 
                                SampleValues& sample, LaterLight& light) {
   leave_for_later(c, light, [&](const auto& later) { sample_light(later, path, v, sample); });
 }
-/// send(); what its ray decides is left in `light`.
-template <Tracer T>
-KERNEL void send_later(const PathContext<T>& c, const Path& path, const Ray& ray, Inside& inside,
-                       const Contribution& sent, const Route& route, SampleValues& sample,
-                       LaterLight& light) {
-  if (!has_media(c.scene) && c.scene.volume_count == 0) {  // as below, but sooner
-    ++sample.rays;
-    light = {ray, sent, route};
-    return;
-  }
-  leave_for_later(c, light,
-                  [&](const auto& later) { send(later, path, ray, inside, sent, route, sample); });
-}
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

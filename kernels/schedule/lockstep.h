@@ -8,7 +8,7 @@
 #include <new>
 
 #include "kernels/camera/camera_lanes.h"
-#include "kernels/schedule/plain_scatter.h"
+#include "kernels/schedule/scatter_lanes.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -39,7 +39,9 @@ class Lockstep {
         tracer_(tracer),
         film_(film),
         plain_camera_(is_plain(camera)),
-        plain_lights_(has_plain_lights(scene)) {}
+        plain_lights_(has_plain_lights(scene)) {
+    for (Vertex& v : vertices_) free_[free_count_++] = &v;
+  }
 
   [[nodiscard]] bool is_full() const {
     // Light groups add up in the film, path by path.
@@ -207,37 +209,78 @@ class Lockstep {
     lit_count_ = 0;
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
-      const PathContext<T> c = context(item);
       item.light.ray.t_max = 0;
-      const auto take_light = [&](const Path& path, const Vertex& v) {
-        sample_light_later(c, path, v, item.values, item.light);
-      };
-      const auto take = [&](const Path& path, const Vertex& v) {
-        if (!is_plain(v)) return false;
-        plain_items_[plain_.count] = active_[i];
-        kernels::add(plain_, c, path, v, plain_lights_);
-        return true;
-      };
-      const bool goes_on = kernels::arrive(c, item.path, item.reach, item.hit, item.values,
-                                           take_light, take, &item.sky);
-      queue_next(active_[i], goes_on, left);
-      if (plain_.count == kLanes) scatter_plain(left);
+      Vertex& v = *free_[free_count_ - 1];
+      const PathContext<T> c = context(item);
+      const Met met =
+          kernels::arrive(c, item.path, item.reach, item.hit, v, item.values, &item.sky);
+      if (met != Met::kSurface) {
+        queue_next(active_[i], met == Met::kPassage, left);
+        continue;
+      }
+      --free_count_;
+      const bool plain = is_plain(v);
+      ScatterLanes& lanes = plain ? plain_ : rich_;
+      kernels::add(lanes, c, item.path, v, active_[i], plain);
+      if (lanes.count == kLanes) scatter(lanes, left);
     }
-    if (plain_.count > 0) scatter_plain(left);
+    if (plain_.count > 0) scatter(plain_, left);
+    if (rich_.count > 0) scatter(rich_, left);
     active_count_ = left;
   }
-  void scatter_plain(u32& left) {
-    scatter_all(scene_, plain_lights_, plain_);
-    for (u32 i = 0; i < plain_.count; ++i) {
-      Item& item = items_[plain_items_[i]];
-      const PathContext<T> c = context(item);
-      if (plain_.lit >> i & 1) {
-        kernels::take_light(plain_, i, plain_lights_, c, item.path, item.values, item.light);
-      }
-      queue_next(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
+  /// scatter() of path.h, in lanes.
+  void scatter(ScatterLanes& lanes, u32& left) {
+    BsdfOf<Floats> bsdf;
+    CasterConesOf<Floats> casters;
+    const Mask all = first_lanes(lanes.count);
+    const Mask scattering =
+        all & set_scattering(scene_, lanes.material, lanes.at, lanes.p, lanes.looks, bsdf, casters);
+    const u32 scatter_bits = bits_of(scattering);
+    const Mask lit =
+        has_lights(scene_) ? scattering & !lanes.is_last & has_smooth_lobe(bsdf) : Mask(false);
+    const bool in_lanes = plain_lights_ && !any(all & (bsdf.glass > 0));
+    for (u32 i = 0; i < lanes.count; ++i) {
+      Vertex& v = *lanes.vertices[i];
+      const Item& item = items_[lanes.items[i]];
+      get_frame(bsdf, i, v.bsdf);
+      if (in_lanes)
+        v.receiver = {v.surface.p, is_layered(v.bsdf) ? v.bsdf.ng : v.bsdf.frame.n, Facing::kFront,
+                      item.time, 0};
+      else
+        v.receiver = receiver_of(scene_, v, item.time);
     }
-    plain_.count = 0;
-    plain_.any_looks = false;
+    if (in_lanes || any(lit)) take_lights(lanes, bsdf, casters, lit, in_lanes);
+    const DirectionOf<Floats> to = choose_direction(bsdf, casters, lanes.material.subsurface_color,
+                                                    lanes.chance.x, lanes.scatter);
+    for (u32 i = 0; i < lanes.count; ++i) {
+      Vertex& v = *lanes.vertices[i];
+      Item& item = items_[lanes.items[i]];
+      bool goes_on = false;
+      if (scatter_bits >> i & 1)
+        goes_on = follow(context(item), item.path, v, get(to, i), item.values);
+      else
+        record_guides(item.path, v, item.values);
+      queue_next(lanes.items[i], goes_on, left);
+      free_[free_count_++] = &v;
+    }
+    lanes.count = 0;
+  }
+  void take_lights(const ScatterLanes& lanes, const BsdfOf<Floats>& bsdf,
+                   const CasterConesOf<Floats>& casters, Mask lit, bool in_lanes) {
+    SampledLights lights;
+    if (in_lanes)
+      sample_all(scene_, lanes, lit, select(bsdf.layered, bsdf.ng, bsdf.frame.n), lights);
+    else
+      sample_each(scene_, lanes, [&](u32 i) { return get(lit, i); }, lights);
+    const BsdfValueOf<Floats> f = scattered(bsdf, casters, lights.direction, lights.visibility);
+    const u32 found = bits_of(lights.found & lit);
+    for (u32 i = 0; i < lanes.count; ++i) {
+      if (!(found >> i & 1)) continue;
+      Item& item = items_[lanes.items[i]];
+      leave_for_later(context(item), item.light, [&](const auto& later) {
+        take_light(later, item.path, *lanes.vertices[i], lights.of[i], get(f, i), item.values);
+      });
+    }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {
     const Item& item = items_[index];
@@ -267,8 +310,10 @@ class Lockstep {
   // Lanes that hold no path are computed, too, and what they read must be there: they begin as
   // zeros.
   CameraLanes camera_rays_{};
-  PlainVertices plain_{};
-  u32 plain_items_[kLanes];
+  ScatterLanes plain_, rich_;
+  Vertex vertices_[2 * kLanes];  // of those that wait in lanes, and of the one that arrives
+  Vertex* free_[2 * kLanes];
+  u32 free_count_ = 0;
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };
 

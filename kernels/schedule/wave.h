@@ -124,9 +124,8 @@ class Wave {
     const auto take_light = [&](const Path& from, const Vertex& v) {
       sample_light_later(c, from, v, sample, light);
     };
-    const bool goes_on = kernels::arrive(c, path, reach, load_whole(view_.hits[item]).hit, sample,
-                                         take_light, TakesNone{}) &&
-                         path.ray.t_max > 0;
+    const Hit hit = load_whole(view_.hits[item]).hit;
+    const bool goes_on = advance(c, path, reach, hit, sample, take_light) && path.ray.t_max > 0;
     put(sample, item);
     if (has_first) put_first(sample, item);
     if (light.ray.t_max > 0) keep_light(item, light);

@@ -1,5 +1,5 @@
 // What darkens a picture to calm it, and is off unless asked for: clamps and regularisation.
-#include "kernels/integrator/path.h"
+#include "kernels/schedule/scalar.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"

@@ -1,5 +1,5 @@
 // Light groups: their sum is the beauty, and scaled they are what scaled lights would show.
-#include "kernels/integrator/path.h"
+#include "kernels/schedule/scalar.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

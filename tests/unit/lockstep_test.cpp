@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/unit/any_material.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/path_room.h"
 
@@ -137,6 +138,24 @@ TEST_CASE("lockstep: one lamp, or none, with and without a sky") {
     REQUIRE(has_plain_lights(view));
     check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
   }
+}
+
+TEST_CASE("lockstep: surfaces of every material, side by side") {
+  Random random(GENERATE(1u, 2u, 3u, 4u));
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  for (u32 i = 0; i < 20; ++i) {
+    const vec3 place(float(i % 5) * 0.6f - 1.3f, float(i / 5) * 0.6f - 1, 0.1f);
+    scene.add_instance(scene.add(sphere(6)), scene.add(any_material(random)),
+                       pose(mat3(0.25f), place));
+  }
+  constexpr CasterView casters[] = {{.center = {-1.2f, -0.5f, -0.6f}, .radius = 0.4f, .mirror = 1}};
+  SceneView view = scene.finish();
+  check_same(view, kBeauty);
+  view.casters = casters;
+  view.caster_count = 1;
+  view.caster_probability = 0.5f;
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
 }
 
 TEST_CASE("lockstep: lamps that are no even spheres are sampled one by one") {

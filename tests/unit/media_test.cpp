@@ -1,6 +1,6 @@
 // Media inside meshes: what passes, what is scattered, and what a path is inside of; against closed
 // forms, quadrature and furnaces.
-#include "kernels/integrator/path.h"
+#include "kernels/schedule/scalar.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

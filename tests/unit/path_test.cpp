@@ -1,5 +1,5 @@
 // Whole paths: agreement of strategies, planes of light paths, holes, interfaces, visibility.
-#include "kernels/integrator/path.h"
+#include "kernels/schedule/scalar.h"
 
 #include <random>
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "kernels/geometry/accept.h"
-#include "kernels/integrator/path.h"
 #include "kernels/label/probe.h"
+#include "kernels/schedule/scalar.h"
 #include "tests/unit/test_scene.h"
 
 namespace heliograph::test {

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <vector>
 
-#include "kernels/integrator/path.h"
+#include "kernels/schedule/scalar.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

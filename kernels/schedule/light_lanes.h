@@ -1,8 +1,9 @@
-// Directions from plain vertices to lights, in lanes: sample_light() of light.h. Called by
-// plain_scatter.h.
+// Directions from surfaces to lights, in lanes: sample_light() of light.h. Called by
+// scatter_lanes.h.
 #pragma once
 
-#include "kernels/schedule/plain_vertices.h"
+#include "kernels/core/lanes.h"
+#include "kernels/light/light.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -67,31 +68,36 @@ KERNEL LeafLanes choose_light(const LightNode* nodes, Mask wanted, Vec3<Floats> 
   return io;
 }
 
-/// sample_light() of a scene that has_plain_lights().
-KERNEL void sample_lights(const SceneView& scene, const OpaqueBase<Floats>& b, PlainVertices& v) {
-  const Mask wanted = first_lanes(v.count);
-  const Vec3<Floats> p = v.p, n = v.n;
-  const Floats u = v.light_u, w = v.light_v;
+/// Where light comes from, and how often a direction there is taken.
+struct LightLanes {
+  Vec3<Floats> direction, target;
+  Floats pdf;  // 0: nothing comes from there
+  Ints light;  // LightSample::light
+  Floats surface_share;
+};
+
+/// sample_light() of a scene that has_plain_lights(), for receivers that face the front.
+KERNEL LightLanes sample_lights(const SceneView& scene, Mask wanted, Vec3<Floats> p, Vec3<Floats> n,
+                                Vec2<Floats> random) {
+  const Floats u = random.x;
   Floats surfaces(scene.light_count > 0 ? 1 : 0);
   if (scene.light_count > 0 && scene.sky_power > 0) {
     const NodeLanes root = nodes_at(scene.light_nodes, 0);
     surfaces = share_of_surfaces(front_importance(root.center - p, root.radius2, root.power, n),
                                  Floats(0.25f * scene.sky_power));
   }
-  v.surface_share = surfaces;
   const Mask sky = u >= surfaces;
   Mask found = wanted & sky;
-  Vec3<Floats> direction = n, target(0);
-  Floats pdf(0);
-  Ints light(0);
+  LightLanes out{n, Vec3<Floats>(0), Floats(0), Ints(i32(kNone)), surfaces};
   if (const Mask lamps = wanted & !sky; any(lamps)) {
     const u32 root_light = scene.light_nodes[0].count > 0 ? scene.light_nodes[0].first : 0;
     const LeafLanes leaf = choose_light(scene.light_nodes, lamps, p, n,
                                         {i32(root_light), surfaces, rescale_uniform(u, surfaces)});
-    light = leaf.light;
     constexpr i32 kStride = sizeof(LightView) / sizeof(float);
     static_assert(sizeof(LightView) % sizeof(float) == 0);
-    const auto field = [&](const float& of_first) { return gather(&of_first, light * kStride); };
+    const auto field = [&](const float& of_first) {
+      return gather(&of_first, leaf.light * kStride);
+    };
     const LightView& first = scene.lights[0];
     const Vec3<Floats> center(field(first.sphere_center.x), field(first.sphere_center.y),
                               field(first.sphere_center.z));
@@ -99,24 +105,21 @@ KERNEL void sample_lights(const SceneView& scene, const OpaqueBase<Floats>& b, P
     const Vec3<Floats> d = center - p;
     found = found | (lamps & (dot(d, d) > sqr(radius)));
     const SphereLightSample<Floats> s =
-        sample_sphere_light(center, radius, p, leaf.probability, Vec2<Floats>(leaf.rest, w));
-    direction = s.direction;
-    target = s.target;
-    pdf = s.pdf;
+        sample_sphere_light(center, radius, p, leaf.probability, Vec2<Floats>(leaf.rest, random.y));
+    out.direction = s.direction;
+    out.target = s.target;
+    out.pdf = s.pdf;
+    out.light = select(sky, out.light, leaf.light);
   }
   if (any(wanted & sky)) {
     const Floats share = 1 - surfaces;
-    const Vec3<Floats> local = sample_cosine(Vec2<Floats>(rescale_uniform(u - surfaces, share), w));
-    direction = select(sky, to_world(b.frame, local), direction);
-    pdf = select(sky, local.z * kInvPi * scene.dome.probability * share, pdf);
+    const Vec3<Floats> local =
+        sample_cosine(Vec2<Floats>(rescale_uniform(u - surfaces, share), random.y));
+    out.direction = select(sky, to_world(make_frame(n), local), out.direction);
+    out.pdf = select(sky, local.z * kInvPi * scene.dome.probability * share, out.pdf);
   }
-  v.light_direction = direction;
-  v.light_target = target;
-  v.light_near = select(sky, Floats(0), Floats(1));
-  v.light_pdf = select(found, pdf, Floats(0));
-  v.diffuse_sees = v.glossy_sees = v.weighed = Floats(1);
-  const u32 skies = bits_of(sky);
-  for (u32 i = 0; i < v.count; ++i) v.light[i].light = skies >> i & 1 ? kNone : u32(light.v[i]);
+  out.pdf = select(found, out.pdf, Floats(0));
+  return out;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

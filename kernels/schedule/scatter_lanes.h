@@ -1,0 +1,165 @@
+// Surfaces that paths have come to, side by side: what scatter() of path.h takes and gives, a path
+// in each lane. Called by lockstep.h.
+//
+// Tested: tests/unit/lockstep_test.cpp, against render_pixel().
+#pragma once
+
+#include "kernels/schedule/later.h"
+#include "kernels/schedule/light_lanes.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Whether a surface is plain: opaque coat and metal under microfacets, nothing on it or in it.
+/// Scattering them takes the same few steps: they are put side by side among themselves.
+KERNEL bool is_plain(const Vertex& v) {
+  const MaterialValues& m = v.material;
+  if (m.transmission > 0 || m.subsurface > 0 || m.anisotropic > 0 || m.iridescence > 0 ||
+      has_layers(m)) {
+    return false;
+  }
+  return !(m.specular > 0 || m.metallic > 0) || sqr(m.roughness) >= kDeltaAlpha;
+}
+
+/// Parameters of materials that decide how they scatter light: of plain ones, and of the others.
+#define HELIO_PLAIN_PARAMETERS(X) \
+  X(base_color)                   \
+  X(metallic)                     \
+  X(roughness)                    \
+  X(specular)                     \
+  X(specular_color)               \
+  X(ior)                          \
+  X(specular_tint)
+#define HELIO_RICH_PARAMETERS(X) \
+  X(transmission)                \
+  X(transmission_roughness)      \
+  X(subsurface)                  \
+  X(subsurface_radius)           \
+  X(subsurface_color)            \
+  X(anisotropic)                 \
+  X(sheen)                       \
+  X(sheen_color)                 \
+  X(sheen_roughness)             \
+  X(sheen_tint)                  \
+  X(clearcoat)                   \
+  X(clearcoat_roughness)         \
+  X(iridescence)                 \
+  X(iridescence_ior)             \
+  X(iridescence_thickness)
+
+/// Paths at surfaces, fewer than kLanes or so many. Lanes that hold none are computed, too: they
+/// begin as zeros, and then hold those of others.
+struct ScatterLanes {
+  u32 count = 0;
+  u32 items[kLanes];         // of the paths, as their driver numbers them
+  Vertex* vertices[kLanes];  // where they are
+
+  MaterialValuesOf<Floats> material{};
+  ShadingPointOf<Floats> at{};
+  Vec3<Floats> p{0};
+  Mask looks = false;                            // for casters
+  Mask is_last = false;                          // vertex of the path
+  Vec2<Floats> light{0}, scatter{0}, chance{0};  // uniform in [0, 1)
+};
+
+/// Adds a path at a surface.
+///
+/// plain   all that are added are plain
+template <Tracer T>
+KERNEL void add(ScatterLanes& lanes, const PathContext<T>& c, const Path& path, Vertex& v, u32 item,
+                bool plain) {
+  const u32 i = lanes.count++;
+  lanes.items[i] = item;
+  lanes.vertices[i] = &v;
+  const MaterialValues& m = v.material;
+  const ShadingPoint at = shading_point(c.scene, v.surface, m, -path.ray.direction);
+#define HELIO_PUT(name) put(lanes.material.name, i, m.name);
+  HELIO_PLAIN_PARAMETERS(HELIO_PUT)
+  if (!plain) {
+    HELIO_RICH_PARAMETERS(HELIO_PUT)
+    put(lanes.at.tangent, i, at.tangent);
+    put(lanes.at.clearcoat_normal, i, at.clearcoat_normal);
+    put(lanes.at.thin_walled, i, at.thin_walled);
+  }
+#undef HELIO_PUT
+  put(lanes.at.wo, i, at.wo);
+  put(lanes.at.ng, i, at.ng);
+  put(lanes.at.ns, i, at.ns);
+  put(lanes.at.outside, i, v.boundary.outside);
+  put(lanes.p, i, v.surface.p);
+  put(lanes.looks, i, looks_for_casters(c, path));
+  put(lanes.is_last, i, is_last(c, path));
+  put(lanes.light, i, c.sampler.get2(vertex_pair(path, kLightPair)));
+  put(lanes.scatter, i, c.sampler.get2(vertex_pair(path, kScatterPair)));
+  put(lanes.chance, i, c.sampler.get2(vertex_pair(path, kChancePair)));
+}
+
+/// One of the lanes.
+KERNEL BsdfValue get(const BsdfValueOf<Floats>& f, u32 i) {
+  return {get(f.diffuse, i), get(f.glossy, i), get(f.pdf, i)};
+}
+KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
+  const BsdfSampleOf<Floats>& s = to.sample;
+  return {{get(s.wi, i), get(s.weight, i), get(s.diffuse, i), get(s.pdf, i), get(s.eta, i),
+           Lobe(get(s.lobe.v, i))},
+          get(to.goes_on, i),
+          get(to.is_vertex, i),
+          get(to.guide, i)};
+}
+/// What Vertex has of a Bsdf once light has been taken: it is not evaluated any more.
+KERNEL void get_frame(const BsdfOf<Floats>& b, u32 i, Bsdf& to) {
+  to.frame = {get(b.frame.s, i), get(b.frame.t, i), get(b.frame.n, i)};
+  to.ng = get(b.ng, i);
+  to.glass = get(b.glass, i);
+  to.layered = get(b.layered, i);
+}
+
+/// Light that is sampled for each lane: as light.h has it, and what scattered() takes of it.
+struct SampledLights {
+  LightSample of[kLanes];
+  Mask found = false;
+  Vec3<Floats> direction{0};
+  Ints visibility{0};
+};
+KERNEL void put(SampledLights& lights, u32 i, const LightSample& light) {
+  lights.of[i] = light;
+  put(lights.found, i, true);
+  put(lights.direction, i, light.direction);
+  put(lights.visibility, i, i32(light.visibility));
+}
+
+/// Samples the light of lanes that take some, one by one.
+template <class Wanted>
+KERNEL void sample_each(const SceneView& scene, const ScatterLanes& lanes, const Wanted& wanted,
+                        SampledLights& lights) {
+  for (u32 i = 0; i < lanes.count; ++i) {
+    LightSample light;
+    const Vertex& v = *lanes.vertices[i];
+    if (wanted(i) && sample_light(scene, v.receiver, get(lanes.light, i), light))
+      put(lights, i, light);
+  }
+}
+
+/// Samples them in lanes: of a scene that has_plain_lights(), for receivers that face the front.
+/// Sets their Receiver::surface_share.
+KERNEL void sample_all(const SceneView& scene, const ScatterLanes& lanes, Mask wanted,
+                       Vec3<Floats> n, SampledLights& lights) {
+  const LightLanes found = sample_lights(scene, wanted, lanes.p, n, lanes.light);
+  lights.found = found.pdf > 0;
+  lights.direction = found.direction;
+  lights.visibility = Ints(i32(kAllRays));
+  for (u32 i = 0; i < lanes.count; ++i) {
+    Receiver& receiver = lanes.vertices[i]->receiver;
+    receiver.surface_share = get(found.surface_share, i);
+    LightSample& light = lights.of[i];
+    light.direction = get(found.direction, i);
+    light.target = get(found.target, i);
+    light.pdf = get(found.pdf, i);
+    light.light = u32(get(found.light, i));
+    light.sun = kNone;
+    light.time = receiver.time;
+    light.place = vec2(0);
+    light.visibility = kAllRays;
+  }
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
