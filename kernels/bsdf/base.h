@@ -128,7 +128,7 @@ KERNEL BoolOf<F> has_film(const ThinFilmOf<F>& film) {
 
 /// w: local
 template <class F>
-KERNEL AlbedoOf<F> base_albedo(const BaseOf<F>& b, Vec3<F> w) {
+HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> base_albedo(const BaseOf<F>& b, Vec3<F> w) {
   return either(
       b.delta, [&] { return AlbedoOf<F>{F(1), schlick_weight(w.z)}; },
       [&] {

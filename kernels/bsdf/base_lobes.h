@@ -156,7 +156,7 @@ KERNEL BsdfValueOf<F> through_value(const BaseOf<F>& b, Vec3<F> wi) {
 
 /// Adds what microfacets reflect.
 template <class F>
-KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, BsdfValueOf<F>& out) {
+HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, BsdfValueOf<F>& out) {
   const Vec3<F> h = normalize(b.wo + wi);
   const FacetOf<F> f = facet_of(b, F(dot(b.wo, h)));
   const F density = ggx_density(h, b.facets);
@@ -167,7 +167,7 @@ KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, BsdfValueOf<F>& out) 
 
 /// The lobes sampled by cosine, to wi above the surface.
 template <class F>
-KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<F> wi) {
+HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<F> wi) {
   BsdfValueOf<F> out;
   out.pdf = b.diffuse_probability * wi.z * kInvPi;
   out.diffuse = b.diffuse * wi.z;
@@ -181,7 +181,7 @@ KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<F> wi) {
 /// wi     local
 /// side   cosine of wi to the geometric normal
 template <class F>
-KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F>& b, Vec3<F> wi, F side) {
+HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F>& b, Vec3<F> wi, F side) {
   BsdfValueOf<F> out;
   if (const auto below = (wi.z < 0) & (side < 0); any(below))
     out = select(below, through_value(b, wi), out);

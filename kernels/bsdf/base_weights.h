@@ -117,7 +117,7 @@ inline constexpr float kWideTableMargin = 4e-3f;
 
 /// The albedo of microfacets on average over all directions.
 template <class F>
-KERNEL AlbedoOf<F> average_albedo(const BaseOf<F>& b) {
+HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> average_albedo(const BaseOf<F>& b) {
   return either(
       b.delta, [&] { return AlbedoOf<F>{F(1), F(kSchlickMean)}; },
       [&] {
@@ -148,7 +148,7 @@ HELIO_GPU_NOINLINE KERNEL void cover_reflection(BaseOf<F>& b, BoolOf<F> covered,
 
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
 template <class F>
-KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialValuesOf<F>& m,
+HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialValuesOf<F>& m,
                               const ShadingPointOf<F>& at) {
   const BodyOf<F> body = body_of(m, at);
   b.plastic = (1 - m.metallic) * (1 - m.transmission);
@@ -326,7 +326,7 @@ KERNEL void set_lambert(BaseOf<F>& b, const MaterialValuesOf<F>& m, const Shadin
 
 /// All lobes. facets: where there are others than Lambert's
 template <class F>
-KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
+HELIO_ALWAYS_INLINE KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
                       BoolOf<F> facets) {
   b.coated = true;
   Vec2<F> share = set_reflection(b, m, at);
@@ -350,7 +350,7 @@ KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingP
 
 /// A material at a point, seen from wo (world). n, ng: on wo's side.
 template <class F>
-KERNEL void set_base(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
+HELIO_ALWAYS_INLINE KERNEL void set_base(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
                      Vec3<F> n) {
   const BoolOf<F> facets = (m.specular > 0) | (m.metallic > 0) | (m.transmission > 0);
   if (any(facets)) n = select(facets, bend_normal(b.ng, at.wo, n), n);

@@ -19,7 +19,10 @@ inline constexpr float kLobeShare = 0.2f;
 ///
 /// After Bekaert, Slusallek, Cools, Havran and Seidel 2003, "A custom designed density estimation
 /// method for light transport", which takes footprints from sampling densities.
-KERNEL float lobe_spread(float pdf) { return pdf > 0 ? kLobeShare / std::sqrt(pdf) : 0; }
+template <class F>
+KERNEL F lobe_spread(F pdf) {
+  return select(pdf > 0, kLobeShare / sqrt(pdf), F(0));
+}
 
 /// Makes glossy lobes rougher, so that paths which light sampling cannot find are not fireflies.
 ///

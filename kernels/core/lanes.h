@@ -131,7 +131,7 @@ inline FrameOf<Floats> select(Mask m, const FrameOf<Floats>& a, const FrameOf<Fl
   return {select(m, a.s, b.s), select(m, a.t, b.t), select(m, a.n, b.n)};
 }
 template <class F, class G>
-auto either(Mask condition, const F& f, const G& g) {
+HELIO_ALWAYS_INLINE inline auto either(Mask condition, const F& f, const G& g) {
   if (all(condition)) return f();
   if (!any(condition)) return g();
   return select(condition, f(), g());

@@ -68,9 +68,13 @@ KERNEL float plane_error(const mat4x3& world_from_object, const Corners& c, vec3
 /// Share of the way to a surface on which rounding of the distance cannot meet it.
 inline constexpr float kJustBefore = 1 - 0x1p-18f;
 
-/// The point moved to the side of its surface that `direction` leaves to.
+/// The point moved to the side of its surface that `direction` leaves to. ng: on either side
+template <class F>
+KERNEL Vec3<F> offset_point(Vec3<F> p, Vec3<F> ng, F offset, Vec3<F> direction) {
+  return p + ng * select(dot(ng, direction) < 0, -offset, offset);
+}
 KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
-  return s.p + s.ng * (dot(s.ng, direction) < 0 ? -s.offset : s.offset);
+  return offset_point(s.p, s.ng, s.offset, direction);
 }
 
 KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.barycentric); }

@@ -43,10 +43,11 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   const vec3 n = dot(seen.direction, s.ng) < 0 ? s.ns : -s.ns;
   vec2 caught(0);
   LightSample light;
-  Ray ray;
   const Receiver receiver = receiver_at(scene, s.p, n, Facing::kFront, seen.time);
-  if (sample_light(scene, receiver, u.light, light) && (light.visibility & kDiffuseRay) &&
-      shadow_ray(s, light, u.holes, ray)) {
+  if (sample_light(scene, receiver, u.light, light) && (light.visibility & kDiffuseRay)) {
+    const ShadowRayOf<float> to = shadow_ray(offset_point(s, light.direction), direction_of(light));
+    if (!to.is_there) return caught;
+    const Ray ray{to.origin, to.direction, to.end, seen.time, u.holes};
     const float cosine = max2(dot(n, light.direction), 0.0f);
     const bool dome = light.light == kNone && light.sun == kNone;
     const float weight = dome ? mis_weight(light.pdf, cosine * kInvPi) : 1;

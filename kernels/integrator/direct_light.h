@@ -22,14 +22,19 @@ struct Vertex {
 // What scatters light, at any point, is to say:
 //   receiver       the point as a light tree sees it
 //   scattered      how much of the light from a direction it sends on along the path
-//   leave_towards  where a ray in that direction starts, and what it starts inside of
-//   route_of       the planes that its light belongs to where it is the path's first
+//   leave_towards  where a ray in that direction starts
+//   cross_towards  what it starts inside of
+//   first_vertex   what the point does with the light where it is the path's first
 
-/// A clearcoat may have a normal of its own, but no light from below the surface.
-KERNEL Receiver receiver_of(const SceneView& scene, const Vertex& v, float time) {
+/// Sets Vertex::receiver, but for its surface_share. A clearcoat may have a normal of its own, but
+/// no light from below the surface.
+KERNEL void set_receiver(Vertex& v, float time) {
   const Bsdf& b = v.bsdf;
-  return receiver_at(scene, v.surface.p, is_layered(b) ? b.ng : b.frame.n,
-                     b.glass > 0 ? Facing::kBoth : Facing::kFront, time);
+  Receiver& receiver = v.receiver;
+  receiver.p = v.surface.p;
+  receiver.n = is_layered(b) ? b.ng : b.frame.n;
+  receiver.facing = b.glass > 0 ? Facing::kBoth : Facing::kFront;
+  receiver.time = time;
 }
 /// Density [1/sr] with which choose_direction() takes a direction whose density among the surface's
 /// own is `pdf`. Casters are looked for on the near side only.
@@ -57,13 +62,12 @@ KERNEL BsdfValueOf<F> scattered(const BsdfOf<F>& b, const CasterConesOf<F>& cast
 KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
   return scattered(v.bsdf, *v.casters, wi, i32(visibility));
 }
-KERNEL vec3 leave_towards(const Vertex& v, vec3 wi, Inside& inside) {
+KERNEL vec3 leave_towards(const Vertex& v, vec3 wi) { return offset_point(v.surface, wi); }
+KERNEL void cross_towards(const Vertex& v, vec3 wi, Inside& inside) {
   if (kRich && dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
-  return offset_point(v.surface, wi);
 }
-KERNEL Route route_of(const Vertex& v, vec3 wi, const BsdfValue& f) {
-  return {share_of(f.diffuse, f.diffuse + f.glossy),
-          dot(v.bsdf.ng, wi) < 0 ? FirstVertex::kTransmits : FirstVertex::kReflects};
+KERNEL FirstVertex first_vertex(const Vertex& v, vec3 wi) {
+  return dot(v.bsdf.ng, wi) < 0 ? FirstVertex::kTransmits : FirstVertex::kReflects;
 }
 
 /// unshadowed() where light may pass surfaces: those that are there tint it.
@@ -90,63 +94,117 @@ HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside
   return vec3(0);
 }
 
-/// Share of the light at the end of a shadow ray that comes to its origin. Media on its way weaken
-/// it, surfaces hold it up.
-template <Tracer T>
-KERNEL vec3 unshadowed(const PathContext<T>& c, const Ray& ray, Inside& inside,
-                       SampleValues& sample) {
-  if (kRich && (c.scene.any_passable || (c.scene.any_priority && is_filled(inside))))
-    return passing_surfaces(c, ray, inside, sample);
-  ++sample.rays;
-  if (c.tracer.occluded(ray, kShadowRay)) return vec3(0);
-  return transmittance(inside, ray.t_max);
-}
+/// Light that comes along its ray if nothing is in the way: drivers trace many such rays at a time.
+/// t_max 0: there is none.
+struct LaterLight {
+  Ray ray;
+  Contribution light;
+  Route route;
+};
 
-/// Collects what of a light comes along a ray: surfaces hold it up, media and volumes weaken it.
+/// Sends light along a ray: media and volumes weaken it, and what it may pass tints it. What only
+/// surfaces can hold up waits for its ray to be traced; the rest counts at once.
 ///
 /// inside   what the ray starts inside of
 template <Tracer T>
-KERNEL void send(const PathContext<T>& c, const Path& path, const Ray& ray, Inside& inside,
-                 Contribution light, const Route& route, SampleValues& sample) {
-  light.radiance *= unshadowed(c, ray, inside, sample);
-  if (is_black(light.radiance)) return;
-  if (kRich && c.scene.volume_count > 0) {
-    light.radiance *=
-        transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
+KERNEL void send(const PathContext<T>& c, const Path& path, Inside& inside, LaterLight& sent,
+                 SampleValues& sample) {
+  const Ray& ray = sent.ray;
+  vec3& radiance = sent.light.radiance;
+  const bool passes =
+      kRich && (c.scene.any_passable || (c.scene.any_priority && is_filled(inside)));
+  if (passes) {
+    radiance *= passing_surfaces(c, ray, inside, sample);
+  } else {
+    ++sample.rays;
+    if (is_filled(inside)) radiance *= transmittance(inside, ray.t_max);
   }
-  collect(c, sample, light, route);
+  if (kRich && c.scene.volume_count > 0 && !is_black(radiance)) {
+    radiance *= transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
+  }
+  if (passes && !is_black(radiance)) collect(c, sample, sent.light, sent.route);
+  if (passes || is_black(radiance)) sent.ray.t_max = 0;
 }
 
-/// Light that sample_light() has chosen comes to a point, which sends `f` of it on.
-template <Tracer T, class Point>
-KERNEL void take_light(const PathContext<T>& c, const Path& path, const Point& at,
-                       const LightSample& light, const BsdfValue& f, SampleValues& sample) {
-  const vec3 total = f.diffuse + f.glossy;
-  if (!(max_component(total) > 0)) return;
+/// Traces the ray of light that waits.
+template <Tracer T>
+KERNEL void shine(const PathContext<T>& c, const LaterLight& light, SampleValues& sample) {
+  if (light.ray.t_max > 0 && !c.tracer.occluded(light.ray, kShadowRay))
+    collect(c, sample, light.light, light.route);
+}
 
+/// Light of directions that sample_light() has chosen, as points send it on if it comes.
+template <class F>
+struct TakenLightOf {
+  BoolOf<F> counts;
+  ShadowRayOf<F> ray;      // that decides whether it comes
+  Vec3<F> total, diffuse;  // what of its radiance goes on, and what of that is diffuse
+  F weight;                // of the strategy, over its density
+};
+/// f        what of the light is scattered
+/// origin   of the ray
+template <class F>
+KERNEL TakenLightOf<F> take_light(const LightDirectionOf<F>& light, const BsdfValueOf<F>& f,
+                                  Vec3<F> origin) {
+  TakenLightOf<F> taken;
+  taken.total = f.diffuse + f.glossy;
+  taken.diffuse = f.diffuse;
+  taken.counts = max_component(taken.total) > 0;
+  if (!any(taken.counts)) return taken;
+  taken.ray = shadow_ray(origin, light);
+  taken.counts = taken.counts & taken.ray.is_there;
+  taken.weight =
+      select(shows_to_all(light.visibility), mis_weight(light.pdf, f.pdf), F(1)) / light.pdf;
+  return taken;
+}
+
+/// Sends light that a point has taken along its ray.
+template <Tracer T, class Point>
+KERNEL void send_taken(const PathContext<T>& c, const Path& path, const Point& at,
+                       const LightSample& light, const TakenLightOf<float>& taken,
+                       SampleValues& sample, LaterLight& sent) {
   Inside inside;
-  if (has_media(c.scene)) inside = path.inside;
-  const vec3 origin = leave_towards(at, light.direction, inside);
-  Ray ray{origin, light.direction, INFINITY, c.time, hole_key(c, kShadowHoleHash + path.edges)};
-  if (!shadow_ray(origin, light, ray)) return;
-  const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  const vec3 radiance =
-      path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
-  const bool routed = path.edges == 1 && wants_rich(c.film, kLightPlaneSet);
-  const Route route = routed ? route_of(at, light.direction, f) : path.route;
-  const u32 group = light_group(c.scene, light);
-  send(c, path, ray, inside, {radiance, path.edges + 1, light.light == kNone, group}, route,
-       sample);
+  if (has_media(c.scene)) {
+    inside = path.inside;
+    cross_towards(at, light.direction, inside);
+  }
+  sent.ray.origin = taken.ray.origin;
+  sent.ray.direction = taken.ray.direction;
+  sent.ray.t_max = taken.ray.end;
+  sent.ray.time = c.time;
+  sent.ray.holes = hole_key(c, kShadowHoleHash + path.edges);
+  sent.light.radiance =
+      path.throughput * taken.total * light_radiance(c.scene, light) * taken.weight;
+  sent.light.edges = path.edges + 1;
+  sent.light.environment = light.light == kNone;
+  sent.light.group = light_group(c.scene, light);
+  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet))
+    sent.route = {share_of(taken.diffuse, taken.total), first_vertex(at, light.direction)};
+  else
+    sent.route = path.route;
+  send(c, path, inside, sent, sample);
 }
 
 /// Light that comes to a point straight from one light.
 template <Tracer T, class Point>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
-                         SampleValues& sample) {
+                         SampleValues& sample, LaterLight& sent) {
   LightSample light;
   const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
   if (!sample_light(c.scene, at.receiver, u, light)) return;
-  take_light(c, path, at, light, scattered(at, light.direction, light.visibility), sample);
+  const BsdfValue f = scattered(at, light.direction, light.visibility);
+  const TakenLightOf<float> taken =
+      take_light(direction_of(light), f, leave_towards(at, light.direction));
+  if (taken.counts) send_taken(c, path, at, light, taken, sample, sent);
+}
+/// The same at once.
+template <Tracer T, class Point>
+KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
+                         SampleValues& sample) {
+  LaterLight sent;
+  sent.ray.t_max = 0;
+  sample_light(c, path, at, sample, sent);
+  shine(c, sent, sample);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

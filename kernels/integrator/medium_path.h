@@ -18,10 +18,9 @@ KERNEL BsdfValue scattered(const MediumPoint& at, vec3 wi, u32 visibility) {
   const float density = phase_density(at.g, dot(at.direction, wi));
   return {vec3(visibility & kVolumeRay ? density : 0), vec3(0), density};
 }
-KERNEL vec3 leave_towards(const MediumPoint& at, vec3, Inside&) { return at.receiver.p; }
-KERNEL Route route_of(const MediumPoint&, vec3, const BsdfValue&) {
-  return {vec3(0), FirstVertex::kInVolume};
-}
+KERNEL vec3 leave_towards(const MediumPoint& at, vec3) { return at.receiver.p; }
+KERNEL void cross_towards(const MediumPoint&, vec3, Inside&) {}
+KERNEL FirstVertex first_vertex(const MediumPoint&, vec3) { return FirstVertex::kInVolume; }
 
 /// A medium with mean cosine g scatters the path `distance` metres along its ray; its throughput
 /// counts that already. False when it ends there.
@@ -42,7 +41,7 @@ KERNEL bool scatter_in_medium(const PathContext<T>& c, Path& path, float distanc
   if (path.edges == 1) path.route = {vec3(0), FirstVertex::kInVolume};
   const vec3 wi = sample_phase(g, at.direction, c.sampler.get2(vertex_pair(path, kScatterPair)));
   const float pdf = phase_density(g, dot(at.direction, wi));
-  go_on(c, path, {p, wi, pdf, kVolumeRay, at.receiver});
+  go_on(c, path, {p, wi, pdf, lobe_spread(pdf), kVolumeRay, at.receiver});
   return survives(c, path);
 }
 

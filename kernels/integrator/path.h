@@ -128,13 +128,15 @@ KERNEL bool looks_for_casters(const PathContext<T>& c, const Path& path) {
   return path.edges <= kCasterEdges && c.scene.caster_count > 0;
 }
 
-/// Where a path goes on from a surface.
+/// Where paths go on from surfaces.
 template <class F>
 struct DirectionOf {
   BsdfSampleOf<F> sample;
   BoolOf<F> goes_on;
   BoolOf<F> is_vertex;  // it is no perfect mirror to the path: denoising guides are recorded
   Vec3<F> guide;        // the weight of light that goes on by the surface's own choice
+  CarriedOf<F> carried;
+  F spread;  // lobe_spread() of the sample's density
 };
 
 /// Turns samples of surfaces' own into those of directions towards casters, too. Returns which go
@@ -173,12 +175,16 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F>& b,
   return goes_on;
 }
 
-/// Chooses where paths go on: by the surface, or towards a caster.
+/// Chooses where paths go on, if they do: by the surface, or towards a caster.
 ///
-/// choice, u   uniform in [0, 1)
-template <class F>
+/// carried      by the paths that come
+/// begun        where roulette has
+/// choice, u    uniform in [0, 1)
+/// survival()   the same
+template <class F, class U>
 KERNEL DirectionOf<F> choose_direction(const BsdfOf<F>& b, const CasterConesOf<F>& casters,
-                                       Vec3<F> subsurface_color, F choice, Vec2<F> u) {
+                                       Vec3<F> subsurface_color, const CarriedOf<F>& carried,
+                                       BoolOf<F> begun, F choice, Vec2<F> u, const U& survival) {
   DirectionOf<F> to;
   BsdfSampleOf<F>& s = to.sample;
   const F share = casters.probability;
@@ -188,12 +194,18 @@ KERNEL DirectionOf<F> choose_direction(const BsdfOf<F>& b, const CasterConesOf<F
                     rescale_uniform(F(choice - share), F(1 - share)));
   }
   to.goes_on = sample_bsdf(b, choice, u, s);
-  const BoolOf<F> enters = s.lobe == EnumOf<F, Lobe>(Lobe::kSubsurface);
-  const Vec3<F> factor = select(rich(enters), subsurface_color, Vec3<F>(sqr(s.eta)));
-  to.guide = select(to.goes_on, s.weight * factor, Vec3<F>(0));
+  const BoolOf<F> enters = rich(s.lobe == EnumOf<F, Lobe>(Lobe::kSubsurface));
+  to.guide = s.weight * sqr(s.eta);
+  if (any(enters)) to.guide = select(enters, s.weight * subsurface_color, to.guide);
+  to.guide = select(to.goes_on, to.guide, Vec3<F>(0));
   to.is_vertex = (!to.goes_on) | aimed | enters | (s.pdf > 0);
   if (any((share > 0) & (to.goes_on | aimed)))
     to.goes_on = mix_casters(b, casters, aimed, choice, u, to.goes_on, s);
+  to.carried = {carried.throughput * s.weight, carried.radiance_scale * sqr(s.eta)};
+  to.spread = lobe_spread(s.pdf);
+  // Light that enters a body has its roulette where it leaves.
+  to.goes_on = to.goes_on & survives(to.carried.throughput, to.carried.radiance_scale,
+                                     BoolOf<F>(begun & !enters), survival);
   return to;
 }
 
@@ -218,7 +230,8 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
   const BsdfSample& s = to.sample;
   if (!path.guided && to.is_vertex) record_guides(path, to.guide, v.bsdf.frame.n, sample);
   if (!to.goes_on) return false;
-  path.throughput *= s.weight;
+  path.throughput = to.carried.throughput;
+  path.radiance_scale = to.carried.radiance_scale;
   if (kRich && s.lobe == Lobe::kSubsurface) {
     return scatter_inside(c, path, v, sample) && path.edges <= c.settings.max_depth;
   }
@@ -227,13 +240,12 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
     path.route = {share_of(s.diffuse, s.weight),
                   transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
   }
-  path.radiance_scale *= sqr(s.eta);
   if (transmitted && has_media(c.scene)) cross_surface(path.inside, v.surface, v.material, s.wi);
   const u32 mask = s.lobe == Lobe::kDiffuse ? kDiffuseRay
                    : transmitted            ? kTransmissionRay
                                             : kGlossyRay;
-  go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, v.receiver});
-  return survives(c, path) && path.edges <= c.settings.max_depth;
+  go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, to.spread, mask, v.receiver});
+  return path.edges <= c.settings.max_depth;
 }
 
 /// Whether the path's vertex is its last: it is met, and takes no light.
@@ -244,10 +256,10 @@ KERNEL bool is_last(const PathContext<T>& c, const Path& path) {
 
 /// The surface that the path has come to scatters light; false when the path ends.
 ///
-/// light   (path, vertex): takes light at the vertex straight from one light
-template <Tracer T, class Light>
+/// light   what comes straight from one light is left there; null: none is taken
+template <Tracer T>
 HELIO_ALWAYS_INLINE KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v,
-                                        SampleValues& sample, const Light& light) {
+                                        SampleValues& sample, LaterLight* light) {
   const Surface& s = v.surface;
   ShadingPoint at = shading_point(c.scene, s, v.material, -path.ray.direction);
   at.outside = v.boundary.outside;
@@ -256,13 +268,17 @@ HELIO_ALWAYS_INLINE KERNEL bool scatter(const PathContext<T>& c, Path& path, Ver
     record_guides(path, v, sample);
     return false;
   }
-  v.receiver = receiver_of(c.scene, v, c.time);
-  if (!is_last(c, path) && has_lights(c.scene) && has_smooth_lobe(v.bsdf)) light(path, v);
+  set_receiver(v, c.time);
+  v.receiver.surface_share = surface_share(c.scene, v.receiver);
+  if (light && !is_last(c, path) && has_lights(c.scene) && has_smooth_lobe(v.bsdf))
+    sample_light(c, path, v, sample, *light);
   const bool chooses = casters.probability > 0 || chooses_lobe(v.bsdf);
   const float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
-  return follow(c, path, v,
-                choose_direction(v.bsdf, casters, v.material.subsurface_color, choice, u), sample);
+  const DirectionOf<float> to = choose_direction(
+      v.bsdf, casters, v.material.subsurface_color, carried_by(path), roulette_begins(c, path),
+      choice, u, [&] { return c.sampler.get2(vertex_pair(path, kChancePair)).y; });
+  return follow(c, path, v, to, sample);
 }
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
@@ -362,9 +378,9 @@ HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const
 }
 
 /// arrive() and, at a surface, scatter(): false when the path ends.
-template <Tracer T, class Light>
+template <Tracer T>
 HELIO_ALWAYS_INLINE KERNEL bool advance(const PathContext<T>& c, Path& path, const Reach& reach,
-                                        const Hit& hit, SampleValues& sample, const Light& light) {
+                                        const Hit& hit, SampleValues& sample, LaterLight* light) {
   CasterCones casters;
   Vertex v;
   v.casters = &casters;

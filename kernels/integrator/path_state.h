@@ -68,6 +68,16 @@ struct Path {
   Inside inside;  // of which closed surfaces the ray starts
 };
 
+/// What paths carry.
+template <class F>
+struct CarriedOf {
+  Vec3<F> throughput;
+  F radiance_scale;  // as Path has it
+};
+KERNEL CarriedOf<float> carried_by(const Path& path) {
+  return {path.throughput, path.radiance_scale};
+}
+
 template <Tracer T>
 KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
   return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
@@ -103,6 +113,7 @@ struct Onward {
   vec3 origin;
   vec3 direction;  // unit, world
   float pdf;       // 1/sr; 0: no light sampling competes
+  float spread;    // lobe_spread() of it
   u32 mask;
   Receiver from;
 };
@@ -110,7 +121,7 @@ template <Tracer T>
 KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
   path.pdf = onward.pdf;
   path.blurred = path.blurred || onward.pdf > 0;
-  path.cone.spread = max2(path.cone.spread, lobe_spread(onward.pdf));
+  path.cone.spread = max2(path.cone.spread, onward.spread);
   path.from = onward.from;
   path.mask = onward.mask;
   path.ray = {onward.origin, onward.direction, INFINITY, c.time,
@@ -126,17 +137,32 @@ template <class F>
 KERNEL F survival_chance(F carried) {
   return min2(sqrt(carried), F(1));
 }
+/// Ends paths by chance where they carry little; unbiased. Returns which go on.
+///
+/// begun   where roulette has
+/// u()     uniform in [0, 1)
+template <class F, class U>
+KERNEL BoolOf<F> survives(Vec3<F>& throughput, F radiance_scale, BoolOf<F> begun, const U& u) {
+  if (!any(begun)) return true;
+  const F carried = survival_chance(F(max_component(throughput) * radiance_scale));
+  const F chance = select(begun, carried, F(1));
+  if (all(chance >= 1)) return true;
+  throughput *= 1 / chance;
+  return u() < chance;
+}
 
-/// Ends the path by chance where it carries little; unbiased.
+/// Whether there is roulette at the path's vertex.
+template <Tracer T>
+KERNEL bool roulette_begins(const PathContext<T>& c, const Path& path) {
+  return path.edges >= c.settings.roulette_depth;
+}
+
+/// Of a path that has gone on.
 template <Tracer T>
 KERNEL bool survives(const PathContext<T>& c, Path& path) {
-  if (path.edges <= c.settings.roulette_depth) return true;
-  const float chance = survival_chance(max_component(path.throughput) * path.radiance_scale);
-  if (chance >= 1) return true;
   const u32 chances = vertex_pair(path, kChancePair) - kVertexPairs;  // of the vertex left
-  if (c.sampler.get2(chances).y >= chance) return false;
-  path.throughput *= 1 / chance;
-  return true;
+  return survives(path.throughput, path.radiance_scale, path.edges > c.settings.roulette_depth,
+                  [&] { return c.sampler.get2(chances).y; });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

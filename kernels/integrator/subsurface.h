@@ -90,12 +90,9 @@ KERNEL BsdfValue scattered(const BodyExit& at, vec3 wi, u32 visibility) {
   const float density = max2(dot(at.v.bsdf.frame.n, wi), 0.0f) * kInvPi;
   return {vec3(leaving * density), vec3(0), density};
 }
-KERNEL vec3 leave_towards(const BodyExit& at, vec3 wi, Inside&) {
-  return offset_point(at.v.surface, wi);
-}
-KERNEL Route route_of(const BodyExit&, vec3, const BsdfValue&) {
-  return {vec3(0), FirstVertex::kWalksInside};
-}
+KERNEL vec3 leave_towards(const BodyExit& at, vec3 wi) { return offset_point(at.v.surface, wi); }
+KERNEL void cross_towards(const BodyExit&, vec3, Inside&) {}
+KERNEL FirstVertex first_vertex(const BodyExit&, vec3) { return FirstVertex::kWalksInside; }
 
 /// The path walks inside the body from the vertex, which becomes where it leaves; false when it
 /// does not.
@@ -135,7 +132,8 @@ HELIO_RARE KERNEL bool scatter_inside(const PathContext<T>& c, Path& path, Verte
   const BsdfValue f = scattered(exit, wi, kAllRays);
   if (!(f.pdf > 0 && f.diffuse.x > 0)) return false;
   path.throughput *= f.diffuse / f.pdf;
-  go_on(c, path, {offset_point(v.surface, wi), wi, f.pdf, kDiffuseRay, exit.receiver});
+  go_on(c, path,
+        {offset_point(v.surface, wi), wi, f.pdf, lobe_spread(f.pdf), kDiffuseRay, exit.receiver});
   return survives(c, path);
 }
 

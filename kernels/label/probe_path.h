@@ -25,7 +25,7 @@ KERNEL Sight sight_along_path(const ProbeContext& context, const T& tracer, cons
   while (goes_on && path.edges <= settings.vertex) {
     const Reach reach = set_out(c, path);
     const Hit hit = tracer.closest(path.ray, path.mask);
-    goes_on = advance(c, path, reach, hit, sample, [](const Path&, const Vertex&) {});
+    goes_on = advance(c, path, reach, hit, sample, nullptr);
   }
   rays += sample.rays;
   if (!goes_on) path.ray.t_max = 0;

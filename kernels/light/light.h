@@ -199,23 +199,33 @@ KERNEL u32 light_group(const SceneView& scene, const LightSample& sample) {
   return sample.sun != kNone ? scene.suns[sample.sun].light_group : scene.dome.light_group;
 }
 
-/// Sets the ray from a point to a sampled light; false where they are at the same place.
-KERNEL bool shadow_ray(vec3 origin, const LightSample& light, Ray& ray) {
-  ray.origin = origin;
-  ray.direction = light.direction;
-  ray.t_max = INFINITY;
-  if (light.light == kNone) return true;
-  const vec3 d = light.target - origin;
-  const float distance = length(d);
-  ray.direction = d / distance;
-  ray.t_max = distance * kJustBefore;
-  return distance > 0;
+/// What LightSample says of directions to lights.
+template <class F>
+struct LightDirectionOf {
+  Vec3<F> direction, target;
+  F pdf;
+  IntOf<F> visibility;
+  BoolOf<F> near;  // the light is at `target`; if not it is infinitely far away
+};
+KERNEL LightDirectionOf<float> direction_of(const LightSample& light) {
+  return {light.direction, light.target, light.pdf, i32(light.visibility), light.light != kNone};
 }
 
-/// The same from a surface.
-KERNEL bool shadow_ray(const Surface& s, const LightSample& light, HoleKey holes, Ray& ray) {
-  ray = {vec3(0), vec3(0), 0, s.time, holes};
-  return shadow_ray(offset_point(s, light.direction), light, ray);
+/// The rays from points to sampled lights.
+template <class F>
+struct ShadowRayOf {
+  Vec3<F> origin, direction;
+  F end;               // Ray::t_max
+  BoolOf<F> is_there;  // the light is not where the ray begins
+};
+template <class F>
+KERNEL ShadowRayOf<F> shadow_ray(Vec3<F> origin, const LightDirectionOf<F>& light) {
+  if (!any(light.near)) return {origin, light.direction, F(INFINITY), true};
+  const Vec3<F> d = light.target - origin;
+  const F distance = sqrt(dot(d, d));
+  const BoolOf<F> is_there = (!light.near) | (distance > 0);
+  return {origin, select(light.near, d / distance, light.direction),
+          select(light.near, distance * kJustBefore, F(INFINITY)), is_there};
 }
 
 KERNEL bool has_lights(const SceneView& scene) {

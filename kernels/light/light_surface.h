@@ -22,9 +22,10 @@ struct LightSample {
 
 /// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
 /// and mirrors count it.
-KERNEL bool shows_to_all(u32 visibility) {
-  constexpr u32 kScattered = kDiffuseRay | kGlossyRay | kTransmissionRay;
-  return (visibility & kScattered) == kScattered;
+template <class Bits>
+KERNEL auto shows_to_all(Bits visibility) {
+  const Bits scattered(kDiffuseRay | kGlossyRay | kTransmissionRay);
+  return (visibility & scattered) == scattered;
 }
 
 /// Radiance that a point of a surface emits in a direction, and that sample_light() counts where

@@ -243,15 +243,13 @@ class Lockstep {
       Vertex& v = *lanes.vertices[i];
       const Item& item = items_[lanes.items[i]];
       get_frame(bsdf, i, v.bsdf);
-      if (in_lanes)
-        v.receiver = {v.surface.p, is_layered(v.bsdf) ? v.bsdf.ng : v.bsdf.frame.n, Facing::kFront,
-                      item.time, 0};
-      else
-        v.receiver = receiver_of(scene_, v, item.time);
+      set_receiver(v, item.time);
+      if (!in_lanes) v.receiver.surface_share = surface_share(scene_, v.receiver);
     }
     if (in_lanes || any(lit)) take_lights(lanes, bsdf, casters, lit, in_lanes);
     const DirectionOf<Floats> to = choose_direction(bsdf, casters, lanes.material.subsurface_color,
-                                                    lanes.chance.x, lanes.scatter);
+                                                    lanes.carried, lanes.roulette, lanes.chance.x,
+                                                    lanes.scatter, [&] { return lanes.chance.y; });
     for (u32 i = 0; i < lanes.count; ++i) {
       Vertex& v = *lanes.vertices[i];
       Item& item = items_[lanes.items[i]];
@@ -271,15 +269,17 @@ class Lockstep {
     if (in_lanes)
       sample_all(scene_, lanes, lit, select(bsdf.layered, bsdf.ng, bsdf.frame.n), lights);
     else
-      sample_each(scene_, lanes, [&](u32 i) { return get(lit, i); }, lights);
-    const BsdfValueOf<Floats> f = scattered(bsdf, casters, lights.direction, lights.visibility);
-    const u32 found = bits_of(lights.found & lit);
+      sample_each(scene_, lanes, bits_of(lit), lights);
+    const BsdfValueOf<Floats> f =
+        scattered(bsdf, casters, lights.to.direction, lights.to.visibility);
+    const TakenLightOf<Floats> taken =
+        take_light(lights.to, f, offset_point(lanes.p, bsdf.ng, lanes.offset, lights.to.direction));
+    const u32 found = bits_of(lights.found & lit & taken.counts);
     for (u32 i = 0; i < lanes.count; ++i) {
       if (!(found >> i & 1)) continue;
       Item& item = items_[lanes.items[i]];
-      leave_for_later(context(item), item.light, [&](const auto& later) {
-        take_light(later, item.path, *lanes.vertices[i], lights.of[i], get(f, i), item.values);
-      });
+      send_taken(context(item), item.path, *lanes.vertices[i], lights.of[i], get(taken, i),
+                 item.values, item.light);
     }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {
@@ -291,8 +291,7 @@ class Lockstep {
   void shine() {
     for (u32 i = 0; i < lit_count_; ++i) {
       Item& item = items_[lit_[i]];
-      if (tracer_.occluded(item.light.ray, kShadowRay)) continue;
-      collect(context(item), item.values, item.light.light, item.light.route);
+      kernels::shine(context(item), item.light, item.values);
     }
   }
 

@@ -2,7 +2,7 @@
 // against.
 #pragma once
 
-#include "kernels/schedule/later.h"
+#include "kernels/integrator/path.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -11,18 +11,14 @@ template <Tracer T>
 KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   SampleValues sample;
   LaterLight light;
-  const auto take_light = [&](const Path& path, const Vertex& v) {
-    sample_light_later(c, path, v, sample, light);
-  };
   Path path = begin_sample(c, first_ray(c, x, y), sample);
   bool goes_on = true;
   while (goes_on && path.ray.t_max > 0) {
     const Reach reach = set_out(c, path);
     const Hit hit = c.tracer.closest(path.ray, path.mask);
     light.ray.t_max = 0;
-    goes_on = advance(c, path, reach, hit, sample, take_light);
-    if (light.ray.t_max > 0 && !c.tracer.occluded(light.ray, kShadowRay))
-      collect(c, sample, light.light, light.route);
+    goes_on = advance(c, path, reach, hit, sample, &light);
+    shine(c, light, sample);
   }
   return sample;
 }

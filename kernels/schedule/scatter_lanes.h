@@ -4,7 +4,7 @@
 // Tested: tests/unit/lockstep_test.cpp, against render_pixel().
 #pragma once
 
-#include "kernels/schedule/later.h"
+#include "kernels/integrator/path.h"
 #include "kernels/schedule/light_lanes.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -56,8 +56,11 @@ struct ScatterLanes {
   MaterialValuesOf<Floats> material{};
   ShadingPointOf<Floats> at{};
   Vec3<Floats> p{0};
-  Mask looks = false;                            // for casters
-  Mask is_last = false;                          // vertex of the path
+  Floats offset = 0;  // Surface::offset
+  CarriedOf<Floats> carried{};
+  Mask looks = false;    // for casters
+  Mask is_last = false;  // vertex of the path
+  Mask roulette = false;
   Vec2<Floats> light{0}, scatter{0}, chance{0};  // uniform in [0, 1)
 };
 
@@ -86,6 +89,10 @@ KERNEL void add(ScatterLanes& lanes, const PathContext<T>& c, const Path& path, 
   put(lanes.at.ns, i, at.ns);
   put(lanes.at.outside, i, v.boundary.outside);
   put(lanes.p, i, v.surface.p);
+  put(lanes.offset, i, v.surface.offset);
+  put(lanes.carried.throughput, i, path.throughput);
+  put(lanes.carried.radiance_scale, i, path.radiance_scale);
+  put(lanes.roulette, i, roulette_begins(c, path));
   put(lanes.looks, i, looks_for_casters(c, path));
   put(lanes.is_last, i, is_last(c, path));
   put(lanes.light, i, c.sampler.get2(vertex_pair(path, kLightPair)));
@@ -94,8 +101,13 @@ KERNEL void add(ScatterLanes& lanes, const PathContext<T>& c, const Path& path, 
 }
 
 /// One of the lanes.
-KERNEL BsdfValue get(const BsdfValueOf<Floats>& f, u32 i) {
-  return {get(f.diffuse, i), get(f.glossy, i), get(f.pdf, i)};
+KERNEL TakenLightOf<float> get(const TakenLightOf<Floats>& taken, u32 i) {
+  const ShadowRayOf<Floats>& ray = taken.ray;
+  return {true,
+          {get(ray.origin, i), get(ray.direction, i), get(ray.end, i), true},
+          get(taken.total, i),
+          get(taken.diffuse, i),
+          get(taken.weight, i)};
 }
 KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
   const BsdfSampleOf<Floats>& s = to.sample;
@@ -103,7 +115,9 @@ KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
            Lobe(get(s.lobe.v, i))},
           get(to.goes_on, i),
           get(to.is_vertex, i),
-          get(to.guide, i)};
+          get(to.guide, i),
+          {get(to.carried.throughput, i), get(to.carried.radiance_scale, i)},
+          get(to.spread, i)};
 }
 /// What Vertex has of a Bsdf once light has been taken: it is not evaluated any more.
 KERNEL void get_frame(const BsdfOf<Floats>& b, u32 i, Bsdf& to) {
@@ -113,29 +127,27 @@ KERNEL void get_frame(const BsdfOf<Floats>& b, u32 i, Bsdf& to) {
   to.layered = get(b.layered, i);
 }
 
-/// Light that is sampled for each lane: as light.h has it, and what scattered() takes of it.
+/// Light that is sampled for each lane: as light.h has it, and what take_light() takes of it.
 struct SampledLights {
   LightSample of[kLanes];
   Mask found = false;
-  Vec3<Floats> direction{0};
-  Ints visibility{0};
+  LightDirectionOf<Floats> to{};
 };
-KERNEL void put(SampledLights& lights, u32 i, const LightSample& light) {
-  lights.of[i] = light;
-  put(lights.found, i, true);
-  put(lights.direction, i, light.direction);
-  put(lights.visibility, i, i32(light.visibility));
-}
 
-/// Samples the light of lanes that take some, one by one.
-template <class Wanted>
-KERNEL void sample_each(const SceneView& scene, const ScatterLanes& lanes, const Wanted& wanted,
+/// Samples the light of lanes that take some, one by one. wanted: bit i is lane i
+KERNEL void sample_each(const SceneView& scene, const ScatterLanes& lanes, u32 wanted,
                         SampledLights& lights) {
   for (u32 i = 0; i < lanes.count; ++i) {
-    LightSample light;
-    const Vertex& v = *lanes.vertices[i];
-    if (wanted(i) && sample_light(scene, v.receiver, get(lanes.light, i), light))
-      put(lights, i, light);
+    LightSample& light = lights.of[i];
+    const Receiver& receiver = lanes.vertices[i]->receiver;
+    if (!(wanted >> i & 1) || !sample_light(scene, receiver, get(lanes.light, i), light)) continue;
+    put(lights.found, i, true);
+    const LightDirectionOf<float> to = direction_of(light);
+    put(lights.to.direction, i, to.direction);
+    put(lights.to.target, i, to.target);
+    put(lights.to.pdf, i, to.pdf);
+    put(lights.to.visibility, i, to.visibility);
+    put(lights.to.near, i, to.near);
   }
 }
 
@@ -145,20 +157,17 @@ KERNEL void sample_all(const SceneView& scene, const ScatterLanes& lanes, Mask w
                        Vec3<Floats> n, SampledLights& lights) {
   const LightLanes found = sample_lights(scene, wanted, lanes.p, n, lanes.light);
   lights.found = found.pdf > 0;
-  lights.direction = found.direction;
-  lights.visibility = Ints(i32(kAllRays));
+  lights.to = {found.direction, found.target, found.pdf, Ints(i32(kAllRays)),
+               !(found.light == i32(kNone))};
   for (u32 i = 0; i < lanes.count; ++i) {
     Receiver& receiver = lanes.vertices[i]->receiver;
     receiver.surface_share = get(found.surface_share, i);
     LightSample& light = lights.of[i];
     light.direction = get(found.direction, i);
-    light.target = get(found.target, i);
-    light.pdf = get(found.pdf, i);
     light.light = u32(get(found.light, i));
     light.sun = kNone;
     light.time = receiver.time;
     light.place = vec2(0);
-    light.visibility = kAllRays;
   }
 }
 

@@ -121,11 +121,8 @@ class Wave {
     }
     LaterLight light;
     light.ray.t_max = 0;
-    const auto take_light = [&](const Path& from, const Vertex& v) {
-      sample_light_later(c, from, v, sample, light);
-    };
     const Hit hit = load_whole(view_.hits[item]).hit;
-    const bool goes_on = advance(c, path, reach, hit, sample, take_light) && path.ray.t_max > 0;
+    const bool goes_on = advance(c, path, reach, hit, sample, &light) && path.ray.t_max > 0;
     put(sample, item);
     if (has_first) put_first(sample, item);
     if (light.ray.t_max > 0) keep_light(item, light);

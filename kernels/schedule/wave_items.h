@@ -2,7 +2,7 @@
 // Called by wave.h.
 #pragma once
 
-#include "kernels/schedule/later.h"
+#include "kernels/integrator/path.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
