@@ -18,10 +18,23 @@ enum class Interface : u8 {
   kSheet,  // thin-walled: straight on, through both faces
 };
 
-/// Where a condition holds that plain programs never meet.
-template <class Bool>
+/// What surfaces may have. What a program's have not is left out of its code.
+enum class Features : u8 {
+  kOpaque,  // coat and metal under microfacets
+  kGlass,   // and perfect mirrors, and glass whose microfacets reflect or refract
+  kAll
+};
+/// Of this program.
+inline constexpr Features kFeatures = kRich ? Features::kAll : Features::kGlass;
+
+/// Where a condition holds, of surfaces that have everything or, for glassy(), glass.
+template <Features S, class Bool>
 KERNEL Bool rich(Bool condition) {
-  return kRich ? condition : Bool(false);
+  return S == Features::kAll ? condition : Bool(false);
+}
+template <Features S, class Bool>
+KERNEL Bool glassy(Bool condition) {
+  return S != Features::kOpaque ? condition : Bool(false);
 }
 
 /// A sum of
@@ -30,7 +43,7 @@ KERNEL Bool rich(Bool condition) {
 ///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
 ///             light that microfacets scatter more than once
 ///   through   what passes to the other side; its probability is what the others leave
-template <class F>
+template <class F, Features S>
 struct BaseOf {
   FrameOf<F> frame;  // z: shading normal on wo's side
   Vec3<F> ng;        // geometric normal on wo's side
@@ -112,25 +125,35 @@ KERNEL Vec3<F> multiple_scattering(Vec3<F> f_avg, F e_avg) {
 }
 
 /// Whether highlights are stretched.
-template <class F>
-KERNEL BoolOf<F> is_stretched(const BaseOf<F>& b) {
-  return rich(b.anisotropic.aspect < 1);
+template <class F, Features S>
+KERNEL BoolOf<F> is_stretched(const BaseOf<F, S>& b) {
+  return rich<S>(b.anisotropic.aspect < 1);
 }
 /// Whether some light travels inside the body.
-template <class F>
-KERNEL BoolOf<F> has_body(const BaseOf<F>& b) {
-  return rich(b.subsurface_probability > 0);
+template <class F, Features S>
+KERNEL BoolOf<F> has_body(const BaseOf<F, S>& b) {
+  return rich<S>(b.subsurface_probability > 0);
 }
-template <class F>
+template <Features S, class F>
 KERNEL BoolOf<F> has_film(const ThinFilmOf<F>& film) {
-  return rich(film.weight > 0);
+  return rich<S>(film.weight > 0);
+}
+/// Whether microfacets are perfect mirrors.
+template <class F, Features S>
+KERNEL BoolOf<F> is_mirror(const BaseOf<F, S>& b) {
+  return glassy<S>(b.delta);
+}
+/// Whether there is an interface that light can pass.
+template <class F, Features S>
+KERNEL BoolOf<F> is_glass(const BaseOf<F, S>& b) {
+  return glassy<S>(b.glass > 0);
 }
 
 /// w: local
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> base_albedo(const BaseOf<F>& b, Vec3<F> w) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> base_albedo(const BaseOf<F, S>& b, Vec3<F> w) {
   return either(
-      b.delta, [&] { return AlbedoOf<F>{F(1), schlick_weight(w.z)}; },
+      is_mirror(b), [&] { return AlbedoOf<F>{F(1), schlick_weight(w.z)}; },
       [&] {
         return either(
             is_stretched(b), [&] { return albedo_at(b.anisotropic, w); },
@@ -139,8 +162,8 @@ HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> base_albedo(const BaseOf<F>& b, Vec3<F> w
 }
 
 /// Share of light that the coat reflects.
-template <class F>
-KERNEL F coat_albedo(const BaseOf<F>& b, const AlbedoOf<F>& a) {
+template <class F, Features S>
+KERNEL F coat_albedo(const BaseOf<F, S>& b, const AlbedoOf<F>& a) {
   return b.coat_f0 * (a.total - a.schlick) + b.coat_f90 * a.schlick +
          b.coat_multiple * (1 - a.total);
 }

@@ -19,15 +19,15 @@ KERNEL void add(ReflectancesOf<F>& sum, const ReflectancesOf<F>& r, F weight) {
 }
 
 /// Reflectances of the film at cosine c.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> film_at(const BaseOf<F>& b, F c) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> film_at(const BaseOf<F, S>& b, F c) {
   const FilmFaceOf<F> face = film_face(b.film, c);
   return {film_on_schlick(face, b.film_coat) * b.coat_f90, film_on_schlick(face, b.film_metal)};
 }
 
 /// Their averages by cosine.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> average_film(const BaseOf<F>& b) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> average_film(const BaseOf<F, S>& b) {
   // Gauss-Legendre with 4 points.
   const float places[4] = {0.06943184f, 0.33000948f, 0.66999052f, 0.93056816f};
   const float weights[4] = {0.17392742f, 0.32607258f, 0.32607258f, 0.17392742f};
@@ -41,10 +41,10 @@ HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> average_film(const BaseOf<F>& b) {
 /// Gauss-Legendre with 8 points over the height of the spherical cap from which sample_ggx() takes
 /// them, and 8 evenly around. What is isotropic is the same on both sides of wo: half a turn is
 /// all.
-template <class F, class Visit>
-KERNEL void see_facets(const BaseOf<F>& b, const Visit& visit) {
-  if (any(b.delta)) visit(b.wo, Vec3<F>(0, 0, 1), select(b.delta, F(1), F(0)));
-  if (all(b.delta)) return;
+template <class F, Features S, class Visit>
+KERNEL void see_facets(const BaseOf<F, S>& b, const Visit& visit) {
+  if (any(is_mirror(b))) visit(b.wo, Vec3<F>(0, 0, 1), select(is_mirror(b), F(1), F(0)));
+  if (all(is_mirror(b))) return;
   const float places[8] = {0.01985507f, 0.10166676f, 0.23723380f, 0.40828268f,
                            0.59171732f, 0.76276620f, 0.89833324f, 0.98014493f};
   const float weights[8] = {0.05061427f, 0.11119052f, 0.15685332f, 0.18134189f,
@@ -56,20 +56,20 @@ KERNEL void see_facets(const BaseOf<F>& b, const Visit& visit) {
     const F first = i % 2 == 0 ? select(stretched, F(0), F(0.5f)) : F(0.5f);
     for (u32 j = 0; j < 8; ++j) {
       const Vec2<F> u((float(j) + first) * step, F(places[i]));
-      visit(wo, sample_ggx(wo, b.facets, u), select(b.delta, F(0), F(0.125f * weights[i])));
+      visit(wo, sample_ggx(wo, b.facets, u), select(is_mirror(b), F(0), F(0.125f * weights[i])));
     }
   }
 }
 /// Share of the light between wo and wi that no other microfacet holds up, of what wo sees.
-template <class F>
-KERNEL F open_to(const BaseOf<F>& b, Vec3<F> wi) {
+template <class F, Features S>
+KERNEL F open_to(const BaseOf<F, S>& b, Vec3<F> wi) {
   const F out = 1 + ggx_lambda(b.wo, b.facets);
-  return select(b.delta, F(1), out / (out + ggx_lambda(wi, b.facets)));
+  return select(is_mirror(b), F(1), out / (out + ggx_lambda(wi, b.facets)));
 }
 
 /// Averages of the film over the light that leaves to wo.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> seen_film(const BaseOf<F>& b) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> seen_film(const BaseOf<F, S>& b) {
   ReflectancesOf<F> sum;
   F seen = 1e-6f;
   see_facets(b, [&](Vec3<F> wo, Vec3<F> h, F weight) {
@@ -83,10 +83,10 @@ HELIO_GPU_NOINLINE KERNEL ReflectancesOf<F> seen_film(const BaseOf<F>& b) {
 }
 
 /// Reflectance of the interface of glass at cosine c, where it is `bare` without the film.
-template <class F>
-KERNEL Vec3<F> glass_at(const BaseOf<F>& b, F c, F bare) {
+template <class F, Features S>
+KERNEL Vec3<F> glass_at(const BaseOf<F, S>& b, F c, F bare) {
   return either(
-      has_film(b.glass_film),
+      has_film<S>(b.glass_film),
       [&] {
         const Vec3<F> film = film_on_dielectric(b.glass_film, c, b.eta);
         return Vec3<F>(bare) + (film - Vec3<F>(bare)) * b.glass_film.weight;
@@ -101,8 +101,8 @@ struct FilmOnFaceOf {
   Vec3<F> reflected{0};  // of light that is reflected, by facets at which it could refract
   Vec3<F> refracted{0};  // of light that refracts: lost
 };
-template <class F>
-HELIO_GPU_NOINLINE KERNEL FilmOnFaceOf<F> film_on_face(const BaseOf<F>& b) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL FilmOnFaceOf<F> film_on_face(const BaseOf<F, S>& b) {
   FilmOnFaceOf<F> sum;
   const Vec3<F> none(0);
   see_facets(b, [&](Vec3<F> wo, Vec3<F> h, F weight) {

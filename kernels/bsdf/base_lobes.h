@@ -38,24 +38,24 @@ KERNEL BsdfSampleOf<F> select(M m, const BsdfSampleOf<F>& a, const BsdfSampleOf<
 }
 
 /// Whether what passes is a lobe of its own, and the probability of choosing it.
-template <class F>
-KERNEL BoolOf<F> passes_apart(const BaseOf<F>& b) {
-  return rich((b.interface == Interface::kSplit) | (b.interface == Interface::kSheet));
+template <class F, Features S>
+KERNEL BoolOf<F> passes_apart(const BaseOf<F, S>& b) {
+  return rich<S>((b.interface == Interface::kSplit) | (b.interface == Interface::kSheet));
 }
-template <class F>
-KERNEL F through_probability(const BaseOf<F>& b) {
+template <class F, Features S>
+KERNEL F through_probability(const BaseOf<F, S>& b) {
   return max2(1 - b.diffuse_probability - b.facet_probability - b.subsurface_probability, F(0));
 }
 
 /// Its colour.
-template <class F>
-KERNEL Vec3<F> through_color(const BaseOf<F>& b) {
+template <class F, Features S>
+KERNEL Vec3<F> through_color(const BaseOf<F, S>& b) {
   return b.glass_tint * (Vec3<F>(1) - b.glass_reflectance) * (b.glass * b.through_scale);
 }
 
 /// What a microfacet of coat and metal reflects at cosine c = wo.h.
-template <class F>
-KERNEL Vec3<F> opaque_facet(const BaseOf<F>& b, F c) {
+template <class F, Features S>
+KERNEL Vec3<F> opaque_facet(const BaseOf<F, S>& b, F c) {
   return b.f0 + (Vec3<F>(b.f90) - b.f0) * schlick_weight(c);
 }
 
@@ -67,16 +67,16 @@ struct FacetOf {
   F cos_t;  // of the refracted direction
   F reflect_probability;
 };
-template <class F>
-KERNEL FacetOf<F> facet_of(const BaseOf<F>& b, F c) {
+template <class F, Features S>
+KERNEL FacetOf<F> facet_of(const BaseOf<F, S>& b, F c) {
   const Vec3<F> none(0);
   FacetOf<F> f{opaque_facet(b, c), none, F(0), F(1)};
-  if (const auto covered = has_film(b.film) & (b.f90 > 0); any(covered)) {
+  if (const auto covered = has_film<S>(b.film) & (b.f90 > 0); any(covered)) {
     const ReflectancesOf<F> film = film_at(b, c);
     const Vec3<F> both = film.coat * b.plastic + film.metal * b.metallic;
     f.reflected += select(covered, (both - f.reflected) * b.film.weight, none);
   }
-  const BoolOf<F> glass = b.glass > 0;
+  const BoolOf<F> glass = is_glass(b);
   if (!any(glass)) return f;
   const Vec3<F> scale = b.glass_scale * b.glass;
   const BoolOf<F> apart = glass & passes_apart(b), joint = glass & !apart;
@@ -95,8 +95,8 @@ KERNEL FacetOf<F> facet_of(const BaseOf<F>& b, F c) {
 }
 
 /// Light that passes both faces of a sheet.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL BsdfValueOf<F> sheet_value(const BaseOf<F>& b, Vec3<F> wi) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL BsdfValueOf<F> sheet_value(const BaseOf<F, S>& b, Vec3<F> wi) {
   BsdfValueOf<F> out;
   const Vec3<F> mirrored(wi.x, wi.y, -wi.z);
   const F density = ggx_density(Vec3<F>(normalize(b.wo + mirrored)), b.through);
@@ -106,8 +106,8 @@ HELIO_GPU_NOINLINE KERNEL BsdfValueOf<F> sheet_value(const BaseOf<F>& b, Vec3<F>
 }
 
 /// Light that refracts through one face.
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> refraction_value(const BaseOf<F>& b,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> refraction_value(const BaseOf<F, S>& b,
                                                                        Vec3<F> wi) {
   BsdfValueOf<F> out;
   Vec3<F> h = b.wo + wi * b.eta;
@@ -141,12 +141,12 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> refraction_value(const Bas
 }
 
 /// Light that passes the surface to wi, below it (local).
-template <class F>
-KERNEL BsdfValueOf<F> through_value(const BaseOf<F>& b, Vec3<F> wi) {
+template <class F, Features S>
+KERNEL BsdfValueOf<F> through_value(const BaseOf<F, S>& b, Vec3<F> wi) {
   const BsdfValueOf<F> none;
   const BoolOf<F> apart = passes_apart(b);
-  const BoolOf<F> mirrors = select(apart, b.through_delta, b.delta);
-  const BoolOf<F> passes = (b.glass > 0) & !mirrors;
+  const BoolOf<F> mirrors = select(apart, b.through_delta, is_mirror(b));
+  const BoolOf<F> passes = is_glass(b) & !mirrors;
   if (!any(passes)) return none;
   const BoolOf<F> sheet = apart & (b.interface == Interface::kSheet);
   const BsdfValueOf<F> value =
@@ -155,8 +155,9 @@ KERNEL BsdfValueOf<F> through_value(const BaseOf<F>& b, Vec3<F> wi) {
 }
 
 /// Adds what microfacets reflect.
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, BsdfValueOf<F>& out) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F, S>& b, Vec3<F> wi,
+                                               BsdfValueOf<F>& out) {
   const Vec3<F> h = normalize(b.wo + wi);
   const FacetOf<F> f = facet_of(b, F(dot(b.wo, h)));
   const F density = ggx_density(h, b.facets);
@@ -166,8 +167,8 @@ HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F>& b, Vec3<F> wi, B
 }
 
 /// The lobes sampled by cosine, to wi above the surface.
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<F> wi) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F, S>& b, Vec3<F> wi) {
   BsdfValueOf<F> out;
   out.pdf = b.diffuse_probability * wi.z * kInvPi;
   out.diffuse = b.diffuse * wi.z;
@@ -180,15 +181,15 @@ HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F>& b, Vec3<
 
 /// wi     local
 /// side   cosine of wi to the geometric normal
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F>& b, Vec3<F> wi, F side) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F, S>& b, Vec3<F> wi, F side) {
   BsdfValueOf<F> out;
   if (const auto below = (wi.z < 0) & (side < 0); any(below))
     out = select(below, through_value(b, wi), out);
   const BoolOf<F> above = (wi.z > 0) & (side > 0);
   if (const auto cosine = above & (b.diffuse_probability > 0); any(cosine))
     out = select(cosine, cosine_value(b, wi), out);
-  if (const auto facets = above & (b.facet_probability > 0) & !b.delta; any(facets)) {
+  if (const auto facets = above & (b.facet_probability > 0) & !is_mirror(b); any(facets)) {
     BsdfValueOf<F> both = out;
     add_reflection(b, wi, both);
     out = select(facets, both, out);
@@ -217,8 +218,8 @@ struct FacetChoice {
 };
 
 /// Passes on light to the other side by a lobe of its own.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL FacetChoice<F> choose_through(const BaseOf<F>& b, Vec2<F> u,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL FacetChoice<F> choose_through(const BaseOf<F, S>& b, Vec2<F> u,
                                                         BsdfSampleOf<F>& s) {
   const Vec3<F> h = either(
       b.through_delta, [] { return Vec3<F>(0, 0, 1); },
@@ -241,8 +242,8 @@ HELIO_GPU_NOINLINE KERNEL FacetChoice<F> choose_through(const BaseOf<F>& b, Vec2
 }
 
 /// Reflects from or refracts through a microfacet. u: for the choice between the two.
-template <class F>
-KERNEL FacetChoice<F> choose_facet(const BaseOf<F>& b, F u, Vec3<F> h, BsdfSampleOf<F>& s) {
+template <class F, Features S>
+KERNEL FacetChoice<F> choose_facet(const BaseOf<F, S>& b, F u, Vec3<F> h, BsdfSampleOf<F>& s) {
   const F wo_h = dot(b.wo, h);
   const FacetOf<F> f = facet_of(b, wo_h);
   const BoolOf<F> reflect = u < f.reflect_probability;
@@ -251,7 +252,7 @@ KERNEL FacetChoice<F> choose_facet(const BaseOf<F>& b, F u, Vec3<F> h, BsdfSampl
       [&] { return Vec3<F>(h * (wo_h / b.eta - f.cos_t) - b.wo * (1 / b.eta)); });
   s.lobe = select(reflect, EnumOf<F, Lobe>(Lobe::kGlossy), EnumOf<F, Lobe>(Lobe::kTransmission));
   s.eta = either(reflect, [] { return F(1); }, [&] { return b.eta; });
-  if (any(b.delta)) {
+  if (any(is_mirror(b))) {
     s.weight = either(
         reflect,
         [&] { return Vec3<F>(f.reflected / (f.reflect_probability * b.facet_probability)); },
@@ -265,8 +266,8 @@ KERNEL FacetChoice<F> choose_facet(const BaseOf<F>& b, F u, Vec3<F> h, BsdfSampl
 }
 
 /// u_lobe, u   uniform in [0, 1)
-template <class F>
-KERNEL ChosenOf<F> choose_base(const BaseOf<F>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
+template <class F, Features S>
+KERNEL ChosenOf<F> choose_base(const BaseOf<F, S>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
   using LobeOf = EnumOf<F, Lobe>;
   const BoolOf<F> cosine = u_lobe < b.diffuse_probability;
   ChosenOf<F> chosen{true, false};
@@ -286,12 +287,13 @@ KERNEL ChosenOf<F> choose_base(const BaseOf<F>& b, F u_lobe, Vec2<F> u, BsdfSamp
     if (any(facets)) {
       BsdfSampleOf<F> of;
       const Vec3<F> h = either(
-          b.delta, [] { return Vec3<F>(0, 0, 1); }, [&] { return sample_ggx(b.wo, b.facets, u); });
+          is_mirror(b), [] { return Vec3<F>(0, 0, 1); },
+          [&] { return sample_ggx(b.wo, b.facets, u); });
       const FacetChoice<F> choice = choose_facet(b, F(rest / b.facet_probability), h, of);
       s = select(facets, of, s);
       wi = select(facets, choice.wi, wi);
       chosen.valid = select(facets, choice.valid, chosen.valid);
-      chosen.delta = facets & b.delta;
+      chosen.delta = facets & is_mirror(b);
     }
     if (any(through)) {
       BsdfSampleOf<F> of;

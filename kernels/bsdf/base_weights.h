@@ -38,9 +38,9 @@ struct BodyOf {
   Vec3<F> color;
   F inside;
 };
-template <class F>
+template <Features S, class F>
 KERNEL BodyOf<F> body_of(const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
-  const BoolOf<F> body = rich(m.subsurface > 0);
+  const BoolOf<F> body = rich<S>(m.subsurface > 0);
   if (!any(body)) return {m.base_color, F(0)};
   const BoolOf<F> walks =
       body & !at.thin_walled & (dot(at.wo, at.ng) >= 0) & !is_black(m.subsurface_radius);
@@ -60,8 +60,8 @@ struct OpaqueMaterial {
 };
 
 /// Their Fresnel. Returns its averages by cosine.
-template <class F>
-KERNEL ReflectancesOf<F> set_fresnel(BaseOf<F>& b, const OpaqueMaterial<F>& m) {
+template <class F, Features S>
+KERNEL ReflectancesOf<F> set_fresnel(BaseOf<F, S>& b, const OpaqueMaterial<F>& m) {
   const Vec3<F> coat_f0 = m.f0 * m.specular;
   b.f0 = coat_f0 * m.plastic + m.base_color * m.metallic;
   b.f90 = m.specular * m.plastic + m.metallic;
@@ -73,10 +73,10 @@ KERNEL ReflectancesOf<F> set_fresnel(BaseOf<F>& b, const OpaqueMaterial<F>& m) {
 
 /// What their microfacets scatter more than once, per unit of light that they lose. Returns that of
 /// the coat, in full.
-template <class F>
-KERNEL Vec3<F> set_multiple(BaseOf<F>& b, const OpaqueMaterial<F>& m, const ReflectancesOf<F>& mean,
-                            const AlbedoOf<F>& average) {
-  const BoolOf<F> rough = !b.delta;
+template <class F, Features S>
+KERNEL Vec3<F> set_multiple(BaseOf<F, S>& b, const OpaqueMaterial<F>& m,
+                            const ReflectancesOf<F>& mean, const AlbedoOf<F>& average) {
+  const BoolOf<F> rough = !is_mirror(b);
   b.multiple = Vec3<F>(0);
   b.coat_multiple = F(0);
   if (!any(rough)) return Vec3<F>(0);
@@ -91,8 +91,8 @@ KERNEL Vec3<F> set_multiple(BaseOf<F>& b, const OpaqueMaterial<F>& m, const Refl
 }
 
 /// What microfacets seen from wo reflect at once. out: their albedo there
-template <class F>
-KERNEL F facets_reflect(const BaseOf<F>& b, const AlbedoOf<F>& out) {
+template <class F, Features S>
+KERNEL F facets_reflect(const BaseOf<F, S>& b, const AlbedoOf<F>& out) {
   return luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
 }
 
@@ -101,8 +101,8 @@ KERNEL F facets_reflect(const BaseOf<F>& b, const AlbedoOf<F>& out) {
 ///
 /// under      light that leaves the coat's underside towards wo
 /// lost       share of light that microfacets lose towards wo
-template <class F>
-KERNEL F set_diffuse(BaseOf<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
+template <class F, Features S>
+KERNEL F set_diffuse(BaseOf<F, S>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
   b.average_entering = max2(1 - coat_albedo(b, average), F(1e-4f));
   const F share = luminance(under) + luminance(b.multiple) * lost;
   b.diffuse = under * (kInvPi / b.average_entering);
@@ -116,10 +116,10 @@ inline constexpr float kTableMargin = 1e-3f;
 inline constexpr float kWideTableMargin = 4e-3f;
 
 /// The albedo of microfacets on average over all directions.
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> average_albedo(const BaseOf<F>& b) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> average_albedo(const BaseOf<F, S>& b) {
   return either(
-      b.delta, [&] { return AlbedoOf<F>{F(1), F(kSchlickMean)}; },
+      is_mirror(b), [&] { return AlbedoOf<F>{F(1), F(kSchlickMean)}; },
       [&] {
         return either(
             is_stretched(b), [&] { return albedo_average(b.anisotropic); },
@@ -130,8 +130,8 @@ HELIO_ALWAYS_INLINE KERNEL AlbedoOf<F> average_albedo(const BaseOf<F>& b) {
 /// A film on coat and metal changes what its microfacets reflect. covered: where there is one
 ///
 /// coat, facets   what coat and microfacets reflect without it
-template <class F>
-HELIO_GPU_NOINLINE KERNEL void cover_reflection(BaseOf<F>& b, BoolOf<F> covered,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL void cover_reflection(BaseOf<F, S>& b, BoolOf<F> covered,
                                                 const ReflectancesOf<F>& mean, F total, F lost,
                                                 Vec3<F> multiple, F specular, Vec3<F>& coat,
                                                 F& facets) {
@@ -147,10 +147,10 @@ HELIO_GPU_NOINLINE KERNEL void cover_reflection(BaseOf<F>& b, BoolOf<F> covered,
 }
 
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialValuesOf<F>& m,
-                              const ShadingPointOf<F>& at) {
-  const BodyOf<F> body = body_of(m, at);
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
+                                                  const ShadingPointOf<F>& at) {
+  const BodyOf<F> body = body_of<S>(m, at);
   b.plastic = (1 - m.metallic) * (1 - m.transmission);
   b.metallic = m.metallic;
   const OpaqueMaterial<F> opaque{m.base_color, dielectric_f0(m, at.outside), m.specular, m.metallic,
@@ -158,7 +158,7 @@ HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialVa
   const AlbedoOf<F> average = average_albedo(b);
   const AlbedoOf<F> out = base_albedo(b, b.wo);
   ReflectancesOf<F> mean = set_fresnel(b, opaque);
-  const BoolOf<F> covered = has_film(b.film) & (b.f90 > 0);
+  const BoolOf<F> covered = has_film<S>(b.film) & (b.f90 > 0);
   if (any(covered)) {
     b.film_coat = amplitude_below(b.film, opaque.f0);
     b.film_metal = amplitude_below(b.film, m.base_color);
@@ -168,7 +168,7 @@ HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialVa
     mean = {select(covered, coat, mean.coat), select(covered, metal, mean.metal)};
   }
   const Vec3<F> multiple = set_multiple(b, opaque, mean, average);
-  F lost = select(b.delta, F(0), max2(1 - out.total, F(0)));
+  F lost = select(is_mirror(b), F(0), max2(1 - out.total, F(0)));
   if (const auto stretched = is_stretched(b); any(stretched)) {
     lost *= select(stretched, F(1 - kWideTableMargin), F(1));
   }
@@ -184,8 +184,8 @@ HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F>& b, const MaterialVa
 }
 
 /// Share of light that a face of glass without a film reflects, of all that it gives off.
-template <class F>
-KERNEL F face_reflectance(const BaseOf<F>& b, F roughness) {
+template <class F, Features S>
+KERNEL F face_reflectance(const BaseOf<F, S>& b, F roughness) {
   return either(
       sqr(roughness) < kDeltaAlpha, [&] { return fresnel_dielectric(b.wo.z, b.eta).reflectance; },
       [&] {
@@ -199,8 +199,8 @@ KERNEL F face_reflectance(const BaseOf<F>& b, F roughness) {
 inline constexpr float kMostThrough = 2;
 
 /// Share of light from wo that microfacets of a sheet let through ...
-template <class F>
-KERNEL F sheet_passes(const BaseOf<F>& b, F through) {
+template <class F, Features S>
+KERNEL F sheet_passes(const BaseOf<F, S>& b, F through) {
   const F aspect = b.anisotropic.aspect;
   const auto rough = [&] {
     return either(
@@ -210,23 +210,24 @@ KERNEL F sheet_passes(const BaseOf<F>& b, F through) {
   return either(b.through_delta, [] { return F(1); }, [&] { return rough().total; });
 }
 /// ... and those of one face.
-template <class F>
-KERNEL F face_passes(const BaseOf<F>& b, F through) {
+template <class F, Features S>
+KERNEL F face_passes(const BaseOf<F, S>& b, F through) {
   const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, through, b.eta);
   return max2(share.refracted + share.kept, F(1e-6f));
 }
 
 /// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
 /// its roughness. Returns as set_interface().
-template <class F>
-HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F>& b, const MaterialValuesOf<F>& m, F through) {
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
+                                            F through) {
   const BoolOf<F> sheet = b.interface == Interface::kSheet;
   const BoolOf<F> split = b.interface == Interface::kSplit;
   // From inside what refracts roughly would be caught by a polished face: light that came in at an
   // angle must get out at it.
   const BoolOf<F> leaves = split & (b.eta < 1);
   Vec3<F> reflected(face_reflectance(b, F(select(leaves, through, m.roughness))));
-  if (const auto film = has_film(b.glass_film); any(film)) {
+  if (const auto film = has_film<S>(b.glass_film); any(film)) {
     const Vec3<F> covered = min3(max3(reflected + film_on_face(b).whole, Vec3<F>(0)), Vec3<F>(1));
     reflected = select(film, covered, reflected);
   }
@@ -250,13 +251,13 @@ HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F>& b, const MaterialValuesOf
 
 /// What makes up for light that a rough interface scatters more than once, where each microfacet
 /// reflects or refracts.
-template <class F>
-KERNEL Vec3<F> joint_scale(const BaseOf<F>& b, F roughness) {
+template <class F, Features S>
+KERNEL Vec3<F> joint_scale(const BaseOf<F, S>& b, F roughness) {
   const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, roughness, b.eta);
   // What a low `specular` takes from the reflection refracts, and the film's share reflects.
   Vec3<F> reflected = b.glass_specular * share.reflected;
   Vec3<F> kept = (Vec3<F>(1) - b.glass_specular) * share.kept;
-  if (const auto covered = has_film(b.glass_film); any(covered)) {
+  if (const auto covered = has_film<S>(b.glass_film); any(covered)) {
     const FilmOnFaceOf<F> film = film_on_face(b);
     reflected += select(covered, b.glass_specular * film.reflected, Vec3<F>(0));
     kept -= select(covered, b.glass_specular * film.refracted, Vec3<F>(0));
@@ -266,21 +267,22 @@ KERNEL Vec3<F> joint_scale(const BaseOf<F>& b, F roughness) {
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F>& b,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F, S>& b,
                                                              const MaterialValuesOf<F>& m,
                                                              const ShadingPointOf<F>& at) {
   using InterfaceOf = EnumOf<F, Interface>;
-  const BoolOf<F> glass = b.glass > 0;
+  const BoolOf<F> glass = is_glass(b);
   const BoolOf<F> enters = at.thin_walled | (dot(at.wo, at.ng) >= 0);
   const F through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
-  const BoolOf<F> sheet = rich(at.thin_walled);
-  const BoolOf<F> split = rich((m.transmission_roughness > 0) | is_stretched(b)) & !b.through_delta;
+  const BoolOf<F> sheet = rich<S>(at.thin_walled);
+  const BoolOf<F> split =
+      rich<S>((m.transmission_roughness > 0) | is_stretched(b)) & !b.through_delta;
   const InterfaceOf faces =
       select(split, InterfaceOf(Interface::kSplit), InterfaceOf(Interface::kJoint));
   b.interface = select(glass, select(sheet, InterfaceOf(Interface::kSheet), faces), b.interface);
-  const BoolOf<F> wide = sheet | split | has_film(b.film);
+  const BoolOf<F> wide = sheet | split | has_film<S>(b.film);
   const F margin = select(wide, F(kWideTableMargin), F(kTableMargin));
   b.glass *= select(b.through_delta, F(1), 1 - margin);
   F ior = m.ior / at.outside;
@@ -288,7 +290,8 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F>& b,
   const F stepped = select(ior < 1, min2(ior, F(1 / 1.01f)), max2(ior, F(1.01f)));
   ior = select(b.through_delta, ior, stepped);
   b.eta = select(enters, ior, 1 / ior);
-  b.glass_film = {b.film.weight, b.film.ior / select(enters, F(1), ior), b.film.way};
+  if constexpr (S == Features::kAll)
+    b.glass_film = {b.film.weight, b.film.ior / select(enters, F(1), ior), b.film.way};
   const Vec3<F> color = m.base_color;
   b.glass_tint = select(at.thin_walled, color, sqrt3(color));
   b.glass_specular = min3(m.specular_color * m.specular, Vec3<F>(1));
@@ -300,7 +303,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F>& b,
     const Vec2<F> both = set_apart(b, m, through);
     shares = select(apart, both, shares);
   }
-  const BoolOf<F> joint = glass & !apart & !b.delta;
+  const BoolOf<F> joint = glass & !apart & !is_mirror(b);
   if (any(joint)) {
     b.glass_scale = select(joint, joint_scale(b, m.roughness), b.glass_scale);
   }
@@ -308,9 +311,10 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Vec2<F> set_interface(BaseOf<F>& b,
 }
 
 /// Lambert's lobe and the body below it, alone.
-template <class F>
-KERNEL void set_lambert(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
-  const BodyOf<F> body = body_of(m, at);
+template <class F, Features S>
+KERNEL void set_lambert(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
+                        const ShadingPointOf<F>& at) {
+  const BodyOf<F> body = body_of<S>(m, at);
   b.diffuse = body.color * F(kInvPi);
   b.multiple = b.f0 = Vec3<F>(0);
   b.f90 = F(0);
@@ -325,13 +329,13 @@ KERNEL void set_lambert(BaseOf<F>& b, const MaterialValuesOf<F>& m, const Shadin
 }
 
 /// All lobes. facets: where there are others than Lambert's
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
-                      BoolOf<F> facets) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL void set_lobes(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
+                                          const ShadingPointOf<F>& at, BoolOf<F> facets) {
   b.coated = true;
   Vec2<F> share = set_reflection(b, m, at);
   F through(0);
-  if (const auto glass = b.glass > 0; any(glass)) {
+  if (const auto glass = is_glass(b); any(glass)) {
     const Vec2<F> passing = set_interface(b, m, at);
     share.y += select(glass, passing.x, F(0));
     through = select(glass, passing.y, F(0));
@@ -349,12 +353,12 @@ HELIO_ALWAYS_INLINE KERNEL void set_lobes(BaseOf<F>& b, const MaterialValuesOf<F
 }
 
 /// A material at a point, seen from wo (world). n, ng: on wo's side.
-template <class F>
-HELIO_ALWAYS_INLINE KERNEL void set_base(BaseOf<F>& b, const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at,
-                     Vec3<F> n) {
+template <class F, Features S>
+HELIO_ALWAYS_INLINE KERNEL void set_base(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
+                                         const ShadingPointOf<F>& at, Vec3<F> n) {
   const BoolOf<F> facets = (m.specular > 0) | (m.metallic > 0) | (m.transmission > 0);
   if (any(facets)) n = select(facets, bend_normal(b.ng, at.wo, n), n);
-  const BoolOf<F> stretched = rich(m.anisotropic > 0);
+  const BoolOf<F> stretched = rich<S>(m.anisotropic > 0);
   b.frame =
       either(stretched, [&] { return make_frame(n, at.tangent); }, [&] { return make_frame(n); });
   b.wo = to_local(b.frame, at.wo);
@@ -363,11 +367,15 @@ HELIO_ALWAYS_INLINE KERNEL void set_base(BaseOf<F>& b, const MaterialValuesOf<F>
   const F aspect =
       either(stretched, [&] { return F(sqrt(1 - 0.9f * m.anisotropic)); }, [] { return F(1); });
   b.facets = {alpha / aspect, alpha * aspect};
-  b.anisotropic = {m.roughness, aspect};
-  b.delta = alpha < kDeltaAlpha;
-  b.glass = (1 - m.metallic) * m.transmission;
-  b.film = film_of(m, at.outside);
-  b.interface = Interface::kNone;
+  if constexpr (S == Features::kAll) {
+    b.anisotropic = {m.roughness, aspect};
+    b.film = film_of(m, at.outside);
+  }
+  if constexpr (S != Features::kOpaque) {
+    b.delta = alpha < kDeltaAlpha;
+    b.glass = (1 - m.metallic) * m.transmission;
+    b.interface = Interface::kNone;
+  }
   b.albedo = albedo_row(m.roughness);
   if (any(facets))
     set_lobes(b, m, at, facets);

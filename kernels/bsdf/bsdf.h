@@ -10,29 +10,29 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// A material at a point, seen from direction wo.
-template <class F>
-struct BsdfOf : BaseOf<F> {
+template <class F, Features S = kFeatures>
+struct BsdfOf : BaseOf<F, S> {
   BoolOf<F> layered;
   LayersOf<F> layers;  // set where there are any
 };
 using Bsdf = BsdfOf<float>;
 
-template <class F>
-KERNEL BoolOf<F> is_layered(const BsdfOf<F>& b) {
-  return rich(b.layered);
+template <class F, Features S>
+KERNEL BoolOf<F> is_layered(const BsdfOf<F, S>& b) {
+  return rich<S>(b.layered);
 }
 
 /// In place: a Bsdf is large, and most of it stays unset where there are no layers.
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void set_bsdf(BsdfOf<F>& b, const MaterialValuesOf<F>& m,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void set_bsdf(BsdfOf<F, S>& b, const MaterialValuesOf<F>& m,
                                                      const ShadingPointOf<F>& at) {
   const BoolOf<F> front = dot(at.wo, at.ng) >= 0;
   b.ng = select(front, at.ng, -at.ng);
-  set_base<F>(b, m, at, select(front, at.ns, -at.ns));
-  b.layered = has_layers(m);
+  set_base(b, m, at, select(front, at.ns, -at.ns));
+  b.layered = rich<S>(has_layers(m));
   if (any(is_layered(b))) {
     const Vec3<F> n = select(front, at.clearcoat_normal, -at.clearcoat_normal);
-    set_layers<F>(b.layers, b, b.layered, m, at.wo, n);
+    set_layers(b.layers, b, b.layered, m, at.wo, n);
   }
 }
 KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
@@ -50,12 +50,12 @@ KERNEL F entering_layers(const LayersOf<F>& l, Vec3<F> wi, Vec3<F> wi_world) {
 }
 
 /// wi   unit, world
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> evaluate_bsdf(const BsdfOf<F>& b,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> evaluate_bsdf(const BsdfOf<F, S>& b,
                                                                     Vec3<F> wi_world) {
   const Vec3<F> wi = to_local(b.frame, wi_world);
   const F side = dot(b.ng, wi_world);
-  BsdfValueOf<F> out = evaluate_base<F>(b, wi, side);
+  BsdfValueOf<F> out = evaluate_base(b, wi, side);
   const BoolOf<F> layered = is_layered(b);
   if (!any(layered)) return out;
   const LayersOf<F>& l = b.layers;
@@ -66,7 +66,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> evaluate_bsdf(const BsdfOf
   if (const auto diffuse = above & !is_black(out.diffuse); any(diffuse))
     out.diffuse *= select(diffuse, entering_layers(l, wi, wi_world), F(1));
   BsdfValueOf<F> all_layers = out;
-  add_layers<F>(l, b, wi, wi_world, all_layers);
+  add_layers(l, b, wi, wi_world, all_layers);
   return select(above, all_layers, out);
 }
 
@@ -76,8 +76,9 @@ KERNEL vec3 share_of(vec3 part, vec3 total) {
 }
 
 /// The weights and densities of directions that have been chosen. Returns which count.
-template <class F>
-KERNEL BoolOf<F> finish_sample(const BsdfOf<F>& b, const ChosenOf<F>& chosen, BsdfSampleOf<F>& s) {
+template <class F, Features S>
+KERNEL BoolOf<F> finish_sample(const BsdfOf<F, S>& b, const ChosenOf<F>& chosen,
+                               BsdfSampleOf<F>& s) {
   const BoolOf<F> smooth = chosen.valid & !chosen.delta;
   if (!any(smooth)) {
     s.pdf = F(0);
@@ -92,15 +93,15 @@ KERNEL BoolOf<F> finish_sample(const BsdfOf<F>& b, const ChosenOf<F>& chosen, Bs
 }
 
 /// Chooses directions of layered surfaces. Returns which; the others are left as they are.
-template <class F>
-KERNEL ChosenOf<F> choose_layered(const BsdfOf<F>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
+template <class F, Features S>
+KERNEL ChosenOf<F> choose_layered(const BsdfOf<F, S>& b, F u_lobe, Vec2<F> u, BsdfSampleOf<F>& s) {
   const LayersOf<F>& l = b.layers;
   const BoolOf<F> layered = is_layered(b);
   const BoolOf<F> base = (!layered) | (u_lobe < l.base_probability);
   ChosenOf<F> chosen{true, false};
   if (any(base)) {
     const F rest = select(layered, u_lobe / l.base_probability, u_lobe);
-    chosen = choose_base<F>(b, rest, u, s);
+    chosen = choose_base(b, rest, u, s);
     const F below = select(layered & chosen.delta, l.below / l.base_probability, F(1));
     s.weight *= below;
   }
@@ -108,9 +109,9 @@ KERNEL ChosenOf<F> choose_layered(const BsdfOf<F>& b, F u_lobe, Vec2<F> u, BsdfS
   const BoolOf<F> clearcoat = (u_lobe - l.base_probability) < l.clearcoat_probability;
   BsdfSampleOf<F> of_layer, of_sheen;
   ChosenOf<F> layer{true, false};
-  if (any(clearcoat)) layer = choose_clearcoat<F>(l, b, u, of_layer);
+  if (any(clearcoat)) layer = choose_clearcoat(l, b, u, of_layer);
   if (!all(clearcoat)) {
-    const ChosenOf<F> sheen = choose_sheen<F>(b, u, of_sheen);
+    const ChosenOf<F> sheen = choose_sheen(b, u, of_sheen);
     of_layer = select(clearcoat, of_layer, of_sheen);
     layer = select(clearcoat, layer, sheen);
   }
@@ -121,17 +122,17 @@ KERNEL ChosenOf<F> choose_layered(const BsdfOf<F>& b, F u_lobe, Vec2<F> u, BsdfS
 /// Chooses a direction; false when light from there counts for nothing.
 ///
 /// u_lobe, u   uniform in [0, 1)
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F>& b, F u_lobe,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F, S>& b, F u_lobe,
                                                              Vec2<F> u, BsdfSampleOf<F>& s) {
   const ChosenOf<F> chosen =
-      any(is_layered(b)) ? choose_layered(b, u_lobe, u, s) : choose_base<F>(b, u_lobe, u, s);
+      any(is_layered(b)) ? choose_layered(b, u_lobe, u, s) : choose_base(b, u_lobe, u, s);
   return finish_sample(b, chosen, s);
 }
 
 /// Where sample_bsdf() looks at u_lobe.
-template <class F>
-KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F>& b) {
+template <class F, Features S>
+KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F, S>& b) {
   return is_layered(b) | (b.diffuse_probability < 1);
 }
 
@@ -145,16 +146,16 @@ KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
 }
 
 /// Where the surface sends on any light at all.
-template <class F>
-KERNEL BoolOf<F> scatters(const BsdfOf<F>& b) {
-  return (b.glass > 0) | (b.f90 > 0) | (b.subsurface > 0) | !is_black(b.diffuse) | !is_black(b.f0) |
+template <class F, Features S>
+KERNEL BoolOf<F> scatters(const BsdfOf<F, S>& b) {
+  return is_glass(b) | (b.f90 > 0) | (b.subsurface > 0) | !is_black(b.diffuse) | !is_black(b.f0) |
          is_layered(b);
 }
 
 /// Where lights are worth sampling: something is not a perfect mirror.
-template <class F>
-KERNEL BoolOf<F> has_smooth_lobe(const BsdfOf<F>& b) {
-  BoolOf<F> smooth = (b.diffuse_probability > 0) | !b.delta;
+template <class F, Features S>
+KERNEL BoolOf<F> has_smooth_lobe(const BsdfOf<F, S>& b) {
+  BoolOf<F> smooth = (b.diffuse_probability > 0) | !is_mirror(b);
   if (const auto apart = passes_apart(b); any(apart)) smooth = smooth | (apart & !b.through_delta);
   if (const auto layered = is_layered(b); any(layered))
     smooth = smooth | (layered & ((b.layers.sheen_weight > 0) | !b.layers.delta));

@@ -30,7 +30,7 @@ struct LayersOf {
 
 template <class F>
 KERNEL BoolOf<F> has_layers(const MaterialValuesOf<F>& m) {
-  return rich((m.clearcoat > 0) | ((m.sheen > 0) & !is_black(m.sheen_color)));
+  return rich<kFeatures>((m.clearcoat > 0) | ((m.sheen > 0) & !is_black(m.sheen_color)));
 }
 
 /// Whether a material scatters no light at all: what only emits is often so.
@@ -68,8 +68,8 @@ KERNEL F layers_transmit(const LayersOf<F>& l, F clearcoat_cosine, F sheen_cosin
 }
 
 /// Average by cosine of what enters the layers and then the base's coat.
-template <class F>
-KERNEL F average_entering(const LayersOf<F>& l, const BaseOf<F>& b) {
+template <class F, Features S>
+KERNEL F average_entering(const LayersOf<F>& l, const BaseOf<F, S>& b) {
   // Gauss-Legendre with 5 points over the square root of the cosine, in which the tables run.
   const float places[5] = {0.04691008f, 0.23076534f, 0.5f, 0.76923466f, 0.95308992f};
   const float weights[5] = {0.11846344f, 0.23931434f, 0.28444444f, 0.23931434f, 0.11846344f};
@@ -88,8 +88,8 @@ KERNEL F average_entering(const LayersOf<F>& l, const BaseOf<F>& b) {
 }
 
 /// The clearcoat of a material; n: its normal on wo's side.
-template <class F>
-KERNEL void set_clearcoat(LayersOf<F>& l, const BaseOf<F>& b, const MaterialValuesOf<F>& m,
+template <class F, Features S>
+KERNEL void set_clearcoat(LayersOf<F>& l, const BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
                           Vec3<F> wo, Vec3<F> n) {
   const BoolOf<F> coated = m.clearcoat > 0;
   l.clearcoat = m.clearcoat;
@@ -118,8 +118,8 @@ KERNEL void set_sheen(LayersOf<F>& l, const MaterialValuesOf<F>& m) {
 }
 
 /// Puts layers on a base, where it has some; n: the clearcoat's normal on wo's side.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL void set_layers(LayersOf<F>& l, BaseOf<F>& b, BoolOf<F> layered,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL void set_layers(LayersOf<F>& l, BaseOf<F, S>& b, BoolOf<F> layered,
                                           const MaterialValuesOf<F>& m, Vec3<F> wo, Vec3<F> n) {
   set_clearcoat(l, b, m, wo, n);
   set_sheen(l, m);
@@ -154,8 +154,8 @@ KERNEL F clearcoat_fresnel(const LayersOf<F>& l, F c) {
 }
 
 /// Adds what the layers reflect to wi, which lies above the surface and is local to the base.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL void add_layers(const LayersOf<F>& l, const BaseOf<F>& b, Vec3<F> wi,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL void add_layers(const LayersOf<F>& l, const BaseOf<F, S>& b, Vec3<F> wi,
                                           Vec3<F> wi_world, BsdfValueOf<F>& out) {
   const Vec3<F> none(0);
   if (const auto sheen = (l.sheen_weight > 0) & (wi.z > 0); any(sheen)) {
@@ -178,8 +178,8 @@ HELIO_GPU_NOINLINE KERNEL void add_layers(const LayersOf<F>& l, const BaseOf<F>&
 }
 
 /// Reflects from the clearcoat.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL ChosenOf<F> choose_clearcoat(const LayersOf<F>& l, const BaseOf<F>& b,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL ChosenOf<F> choose_clearcoat(const LayersOf<F>& l, const BaseOf<F, S>& b,
                                                        Vec2<F> u, BsdfSampleOf<F>& s) {
   const Vec3<F> h = either(
       l.delta, [] { return Vec3<F>(0, 0, 1); }, [&] { return sample_ggx(l.coat_wo, l.facets, u); });
@@ -193,8 +193,8 @@ HELIO_GPU_NOINLINE KERNEL ChosenOf<F> choose_clearcoat(const LayersOf<F>& l, con
 }
 
 /// Uniform over the hemisphere, which bounds the weight: the reflection times the cosine is finite.
-template <class F>
-HELIO_GPU_NOINLINE KERNEL ChosenOf<F> choose_sheen(const BaseOf<F>& b, Vec2<F> u,
+template <class F, Features S>
+HELIO_GPU_NOINLINE KERNEL ChosenOf<F> choose_sheen(const BaseOf<F, S>& b, Vec2<F> u,
                                                    BsdfSampleOf<F>& s) {
   const F r = safe_sqrt(1 - u.x * u.x);
   const SinCosOf<F> phi = sincos_turns(u.y);

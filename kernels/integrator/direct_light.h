@@ -38,8 +38,8 @@ KERNEL void set_receiver(Vertex& v, float time) {
 }
 /// Density [1/sr] with which choose_direction() takes a direction whose density among the surface's
 /// own is `pdf`. Casters are looked for on the near side only.
-template <class F>
-KERNEL F scatter_pdf(const BsdfOf<F>& b, const CasterConesOf<F>& casters, Vec3<F> wi, F pdf) {
+template <class F, Features S>
+KERNEL F scatter_pdf(const BsdfOf<F, S>& b, const CasterConesOf<F>& casters, Vec3<F> wi, F pdf) {
   if (casters.count == 0) return pdf;
   const F own = (1 - casters.probability) * pdf;
   const BoolOf<F> above = (pdf > 0) & (dot(b.ng, wi) > 0);
@@ -47,8 +47,8 @@ KERNEL F scatter_pdf(const BsdfOf<F>& b, const CasterConesOf<F>& casters, Vec3<F
   return select(above, own + casters.probability * casters_pdf(casters, wi), own);
 }
 /// visibility: of the light.
-template <class F>
-KERNEL BsdfValueOf<F> scattered(const BsdfOf<F>& b, const CasterConesOf<F>& casters, Vec3<F> wi,
+template <class F, Features S>
+KERNEL BsdfValueOf<F> scattered(const BsdfOf<F, S>& b, const CasterConesOf<F>& casters, Vec3<F> wi,
                                 IntOf<F> visibility) {
   const auto sees = [visibility](u32 ray) { return !((visibility & i32(ray)) == 0); };
   BsdfValueOf<F> f = evaluate_bsdf(b, wi);

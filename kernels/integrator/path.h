@@ -108,10 +108,10 @@ HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path,
 /// How surfaces scatter light, and the casters that they see. Returns which scatter any.
 ///
 /// looks   where paths look for casters
-template <class F>
+template <class F, Features S>
 KERNEL BoolOf<F> set_scattering(const SceneView& scene, const MaterialValuesOf<F>& m,
                                 const ShadingPointOf<F>& at, Vec3<F> p, BoolOf<F> looks,
-                                BsdfOf<F>& b, CasterConesOf<F>& casters) {
+                                BsdfOf<F, S>& b, CasterConesOf<F>& casters) {
   set_bsdf(b, m, at);
   const BoolOf<F> any_light = scatters(b);
   casters.count = 0;
@@ -143,8 +143,8 @@ struct DirectionOf {
 /// on.
 ///
 /// aimed, choice   whether one is to go to a caster, and uniform in [0, 1) which
-template <class F>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F>& b,
+template <class F, Features S>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F, S>& b,
                                                              const CasterConesOf<F>& casters,
                                                              BoolOf<F> aimed, F choice, Vec2<F> u,
                                                              BoolOf<F> goes_on,
@@ -181,8 +181,8 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F>& b,
 /// begun        where roulette has
 /// choice, u    uniform in [0, 1)
 /// survival()   the same
-template <class F, class U>
-KERNEL DirectionOf<F> choose_direction(const BsdfOf<F>& b, const CasterConesOf<F>& casters,
+template <class F, Features S, class U>
+KERNEL DirectionOf<F> choose_direction(const BsdfOf<F, S>& b, const CasterConesOf<F>& casters,
                                        Vec3<F> subsurface_color, const CarriedOf<F>& carried,
                                        BoolOf<F> begun, F choice, Vec2<F> u, const U& survival) {
   DirectionOf<F> to;
@@ -194,7 +194,7 @@ KERNEL DirectionOf<F> choose_direction(const BsdfOf<F>& b, const CasterConesOf<F
                     rescale_uniform(F(choice - share), F(1 - share)));
   }
   to.goes_on = sample_bsdf(b, choice, u, s);
-  const BoolOf<F> enters = rich(s.lobe == EnumOf<F, Lobe>(Lobe::kSubsurface));
+  const BoolOf<F> enters = rich<S>(s.lobe == EnumOf<F, Lobe>(Lobe::kSubsurface));
   to.guide = s.weight * sqr(s.eta);
   if (any(enters)) to.guide = select(enters, s.weight * subsurface_color, to.guide);
   to.guide = select(to.goes_on, to.guide, Vec3<F>(0));

@@ -219,18 +219,22 @@ class Lockstep {
         continue;
       }
       --free_count_;
-      const bool plain = is_plain(v);
-      ScatterLanes& lanes = plain ? plain_ : rich_;
-      kernels::add(lanes, c, item.path, v, active_[i], plain);
-      if (lanes.count == kLanes) scatter(lanes, left);
+      if (is_opaque(v.material)) {
+        kernels::add(opaque_, c, item.path, v, active_[i]);
+        if (opaque_.count == kLanes) scatter(opaque_, left);
+      } else {
+        kernels::add(others_, c, item.path, v, active_[i]);
+        if (others_.count == kLanes) scatter(others_, left);
+      }
     }
-    if (plain_.count > 0) scatter(plain_, left);
-    if (rich_.count > 0) scatter(rich_, left);
+    if (opaque_.count > 0) scatter(opaque_, left);
+    if (others_.count > 0) scatter(others_, left);
     active_count_ = left;
   }
   /// scatter() of path.h, in lanes.
-  void scatter(ScatterLanes& lanes, u32& left) {
-    BsdfOf<Floats> bsdf;
+  template <Features S>
+  void scatter(ScatterLanes<S>& lanes, u32& left) {
+    BsdfOf<Floats, S> bsdf;
     CasterConesOf<Floats> casters;
     const Mask all = first_lanes(lanes.count);
     const Mask scattering =
@@ -238,7 +242,7 @@ class Lockstep {
     const u32 scatter_bits = bits_of(scattering);
     const Mask lit =
         has_lights(scene_) ? scattering & !lanes.is_last & has_smooth_lobe(bsdf) : Mask(false);
-    const bool in_lanes = plain_lights_ && !any(all & (bsdf.glass > 0));
+    const bool in_lanes = plain_lights_ && !any(all & is_glass(bsdf));
     for (u32 i = 0; i < lanes.count; ++i) {
       Vertex& v = *lanes.vertices[i];
       const Item& item = items_[lanes.items[i]];
@@ -263,11 +267,12 @@ class Lockstep {
     }
     lanes.count = 0;
   }
-  void take_lights(const ScatterLanes& lanes, const BsdfOf<Floats>& bsdf,
+  template <Features S>
+  void take_lights(const ScatterLanes<S>& lanes, const BsdfOf<Floats, S>& bsdf,
                    const CasterConesOf<Floats>& casters, Mask lit, bool in_lanes) {
     SampledLights lights;
     if (in_lanes)
-      sample_all(scene_, lanes, lit, select(bsdf.layered, bsdf.ng, bsdf.frame.n), lights);
+      sample_all(scene_, lanes, lit, select(is_layered(bsdf), bsdf.ng, bsdf.frame.n), lights);
     else
       sample_each(scene_, lanes, bits_of(lit), lights);
     const BsdfValueOf<Floats> f =
@@ -309,7 +314,8 @@ class Lockstep {
   // Lanes that hold no path are computed, too, and what they read must be there: they begin as
   // zeros.
   CameraLanes camera_rays_{};
-  ScatterLanes plain_, rich_;
+  ScatterLanes<Features::kOpaque> opaque_;
+  ScatterLanes<Features::kAll> others_;
   Vertex vertices_[2 * kLanes];  // of those that wait in lanes, and of the one that arrives
   Vertex* free_[2 * kLanes];
   u32 free_count_ = 0;

@@ -9,10 +9,9 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether a surface is plain: opaque coat and metal under microfacets, nothing on it or in it.
-/// Scattering them takes the same few steps: they are put side by side among themselves.
-KERNEL bool is_plain(const Vertex& v) {
-  const MaterialValues& m = v.material;
+/// Whether surfaces have no more than Features::kOpaque. Scattering them takes the same few steps:
+/// they are put side by side among themselves.
+KERNEL bool is_opaque(const MaterialValues& m) {
   if (m.transmission > 0 || m.subsurface > 0 || m.anisotropic > 0 || m.iridescence > 0 ||
       has_layers(m)) {
     return false;
@@ -20,34 +19,35 @@ KERNEL bool is_plain(const Vertex& v) {
   return !(m.specular > 0 || m.metallic > 0) || sqr(m.roughness) >= kDeltaAlpha;
 }
 
-/// Parameters of materials that decide how they scatter light: of plain ones, and of the others.
-#define HELIO_PLAIN_PARAMETERS(X) \
-  X(base_color)                   \
-  X(metallic)                     \
-  X(roughness)                    \
-  X(specular)                     \
-  X(specular_color)               \
-  X(ior)                          \
+/// Parameters of materials that decide how they scatter light: of opaque ones, and of the others.
+#define HELIO_OPAQUE_PARAMETERS(X) \
+  X(base_color)                    \
+  X(metallic)                      \
+  X(roughness)                     \
+  X(specular)                      \
+  X(specular_color)                \
+  X(ior)                           \
   X(specular_tint)
-#define HELIO_RICH_PARAMETERS(X) \
-  X(transmission)                \
-  X(transmission_roughness)      \
-  X(subsurface)                  \
-  X(subsurface_radius)           \
-  X(subsurface_color)            \
-  X(anisotropic)                 \
-  X(sheen)                       \
-  X(sheen_color)                 \
-  X(sheen_roughness)             \
-  X(sheen_tint)                  \
-  X(clearcoat)                   \
-  X(clearcoat_roughness)         \
-  X(iridescence)                 \
-  X(iridescence_ior)             \
+#define HELIO_OTHER_PARAMETERS(X) \
+  X(transmission)                 \
+  X(transmission_roughness)       \
+  X(subsurface)                   \
+  X(subsurface_radius)            \
+  X(subsurface_color)             \
+  X(anisotropic)                  \
+  X(sheen)                        \
+  X(sheen_color)                  \
+  X(sheen_roughness)              \
+  X(sheen_tint)                   \
+  X(clearcoat)                    \
+  X(clearcoat_roughness)          \
+  X(iridescence)                  \
+  X(iridescence_ior)              \
   X(iridescence_thickness)
 
 /// Paths at surfaces, fewer than kLanes or so many. Lanes that hold none are computed, too: they
 /// begin as zeros, and then hold those of others.
+template <Features S>
 struct ScatterLanes {
   u32 count = 0;
   u32 items[kLanes];         // of the paths, as their driver numbers them
@@ -65,20 +65,18 @@ struct ScatterLanes {
 };
 
 /// Adds a path at a surface.
-///
-/// plain   all that are added are plain
-template <Tracer T>
-KERNEL void add(ScatterLanes& lanes, const PathContext<T>& c, const Path& path, Vertex& v, u32 item,
-                bool plain) {
+template <Features S, Tracer T>
+KERNEL void add(ScatterLanes<S>& lanes, const PathContext<T>& c, const Path& path, Vertex& v,
+                u32 item) {
   const u32 i = lanes.count++;
   lanes.items[i] = item;
   lanes.vertices[i] = &v;
   const MaterialValues& m = v.material;
   const ShadingPoint at = shading_point(c.scene, v.surface, m, -path.ray.direction);
 #define HELIO_PUT(name) put(lanes.material.name, i, m.name);
-  HELIO_PLAIN_PARAMETERS(HELIO_PUT)
-  if (!plain) {
-    HELIO_RICH_PARAMETERS(HELIO_PUT)
+  HELIO_OPAQUE_PARAMETERS(HELIO_PUT)
+  if constexpr (S == Features::kAll) {
+    HELIO_OTHER_PARAMETERS(HELIO_PUT)
     put(lanes.at.tangent, i, at.tangent);
     put(lanes.at.clearcoat_normal, i, at.clearcoat_normal);
     put(lanes.at.thin_walled, i, at.thin_walled);
@@ -120,11 +118,12 @@ KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
           get(to.spread, i)};
 }
 /// What Vertex has of a Bsdf once light has been taken: it is not evaluated any more.
-KERNEL void get_frame(const BsdfOf<Floats>& b, u32 i, Bsdf& to) {
+template <Features S>
+KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
   to.frame = {get(b.frame.s, i), get(b.frame.t, i), get(b.frame.n, i)};
   to.ng = get(b.ng, i);
-  to.glass = get(b.glass, i);
-  to.layered = get(b.layered, i);
+  to.glass = S == Features::kOpaque ? 0 : get(b.glass, i);
+  to.layered = get(is_layered(b), i);
 }
 
 /// Light that is sampled for each lane: as light.h has it, and what take_light() takes of it.
@@ -135,7 +134,8 @@ struct SampledLights {
 };
 
 /// Samples the light of lanes that take some, one by one. wanted: bit i is lane i
-KERNEL void sample_each(const SceneView& scene, const ScatterLanes& lanes, u32 wanted,
+template <Features S>
+KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes, u32 wanted,
                         SampledLights& lights) {
   for (u32 i = 0; i < lanes.count; ++i) {
     LightSample& light = lights.of[i];
@@ -153,7 +153,8 @@ KERNEL void sample_each(const SceneView& scene, const ScatterLanes& lanes, u32 w
 
 /// Samples them in lanes: of a scene that has_plain_lights(), for receivers that face the front.
 /// Sets their Receiver::surface_share.
-KERNEL void sample_all(const SceneView& scene, const ScatterLanes& lanes, Mask wanted,
+template <Features S>
+KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes, Mask wanted,
                        Vec3<Floats> n, SampledLights& lights) {
   const LightLanes found = sample_lights(scene, wanted, lanes.p, n, lanes.light);
   lights.found = found.pdf > 0;
