@@ -7,9 +7,6 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Microfacets with less than this alpha are a perfect mirror.
-inline constexpr float kDeltaAlpha = 1e-3f;
-
 /// How light passes the interface of a transmitting material.
 enum class Interface : u8 {
   kNone,
@@ -18,13 +15,7 @@ enum class Interface : u8 {
   kSheet,  // thin-walled: straight on, through both faces
 };
 
-/// What surfaces may have. What a program's have not is left out of its code.
-enum class Features : u8 {
-  kOpaque,  // coat and metal under microfacets
-  kGlass,   // and perfect mirrors, and glass whose microfacets reflect or refract
-  kAll
-};
-/// Of this program.
+/// What surfaces have that this program renders. What a program's have not is left out of its code.
 inline constexpr Features kFeatures = kRich ? Features::kAll : Features::kGlass;
 
 /// Where a condition holds, of surfaces that have everything or, for glassy(), glass.

@@ -128,13 +128,29 @@ KERNEL bool is_body(const MaterialView& material) {
   return !material.thin_walled && !material.unlit && material.constant.transmission > 0;
 }
 
+/// Microfacets with less than this alpha are a perfect mirror.
+inline constexpr float kDeltaAlpha = 1e-3f;
+
+/// What surfaces may have, each with all before it.
+enum class Features : u8 {
+  kOpaque,  // coat and metal under microfacets
+  kGlass,   // perfect mirrors, and glass whose microfacets reflect or refract
+  kAll      // layers, films, bodies, stretched highlights, what light passes apart
+};
+KERNEL Features features_of(const MaterialValues& m, bool thin_walled) {
+  const bool apart = m.transmission > 0 && (thin_walled || m.transmission_roughness > 0);
+  if (m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
+      m.anisotropic > 0 || apart) {
+    return Features::kAll;
+  }
+  const bool mirror = (m.specular > 0 || m.metallic > 0) && sqr(m.roughness) < kDeltaAlpha;
+  return m.transmission > 0 || mirror ? Features::kGlass : Features::kOpaque;
+}
+
 /// Whether surfaces of a material scatter light as plain programs do not, see kRich. Textures scale
 /// what the constants are.
 KERNEL bool is_rich(const MaterialView& material) {
-  const MaterialValues& m = material.constant;
-  const bool apart = material.thin_walled || m.transmission_roughness > 0;
-  return m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
-         m.anisotropic > 0 || (m.transmission > 0 && apart);
+  return features_of(material.constant, material.thin_walled) == Features::kAll;
 }
 
 /// Counts the material of an instance in what SceneView says of all.

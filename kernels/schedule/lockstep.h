@@ -219,17 +219,22 @@ class Lockstep {
         continue;
       }
       --free_count_;
-      if (is_opaque(v.material)) {
-        kernels::add(opaque_, c, item.path, v, active_[i]);
-        if (opaque_.count == kLanes) scatter(opaque_, left);
-      } else {
-        kernels::add(others_, c, item.path, v, active_[i]);
-        if (others_.count == kLanes) scatter(others_, left);
-      }
+      const Company company = company_of(v.material, v.surface.material->thin_walled);
+      if (company == Company::kOpaque)
+        join(opaque_, c, item.path, v, active_[i], left);
+      else
+        join(others_[u32(company) - 1], c, item.path, v, active_[i], left);
     }
     if (opaque_.count > 0) scatter(opaque_, left);
-    if (others_.count > 0) scatter(others_, left);
+    for (ScatterLanes<Features::kAll>& lanes : others_)
+      if (lanes.count > 0) scatter(lanes, left);
     active_count_ = left;
+  }
+  template <Features S>
+  void join(ScatterLanes<S>& lanes, const PathContext<T>& c, const Path& path, Vertex& v, u32 index,
+            u32& left) {
+    kernels::add(lanes, c, path, v, index);
+    if (lanes.count == kLanes) scatter(lanes, left);
   }
   /// scatter() of path.h, in lanes.
   template <Features S>
@@ -315,9 +320,11 @@ class Lockstep {
   // zeros.
   CameraLanes camera_rays_{};
   ScatterLanes<Features::kOpaque> opaque_;
-  ScatterLanes<Features::kAll> others_;
-  Vertex vertices_[2 * kLanes];  // of those that wait in lanes, and of the one that arrives
-  Vertex* free_[2 * kLanes];
+  ScatterLanes<Features::kAll> others_[kCompanies - 1];
+  // Of those that wait in lanes, and of the one that arrives.
+  static constexpr u32 kVertices = kCompanies * (kLanes - 1) + 1;
+  Vertex vertices_[kVertices];
+  Vertex* free_[kVertices];
   u32 free_count_ = 0;
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };

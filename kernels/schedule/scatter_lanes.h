@@ -9,14 +9,13 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether surfaces have no more than Features::kOpaque. Scattering them takes the same few steps:
-/// they are put side by side among themselves.
-KERNEL bool is_opaque(const MaterialValues& m) {
-  if (m.transmission > 0 || m.subsurface > 0 || m.anisotropic > 0 || m.iridescence > 0 ||
-      has_layers(m)) {
-    return false;
-  }
-  return !(m.specular > 0 || m.metallic > 0) || sqr(m.roughness) >= kDeltaAlpha;
+/// Which surfaces are put side by side: those that take the same steps.
+enum class Company : u8 { kOpaque, kGlass, kCovered, kFilm };
+inline constexpr u32 kCompanies = 4;
+KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
+  if (features_of(m, thin_walled) == Features::kOpaque) return Company::kOpaque;
+  if (m.iridescence > 0) return Company::kFilm;
+  return m.transmission > 0 ? Company::kGlass : Company::kCovered;
 }
 
 /// Parameters of materials that decide how they scatter light: of opaque ones, and of the others.
@@ -120,10 +119,15 @@ KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
 /// What Vertex has of a Bsdf once light has been taken: it is not evaluated any more.
 template <Features S>
 KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
-  to.frame = {get(b.frame.s, i), get(b.frame.t, i), get(b.frame.n, i)};
+  to.frame.n = get(b.frame.n, i);
   to.ng = get(b.ng, i);
-  to.glass = S == Features::kOpaque ? 0 : get(b.glass, i);
-  to.layered = get(is_layered(b), i);
+  to.glass = 0;
+  to.layered = false;
+  if constexpr (S == Features::kOpaque) return;
+  to.frame.s = get(b.frame.s, i);
+  to.frame.t = get(b.frame.t, i);
+  to.glass = get(b.glass, i);
+  to.layered = get(b.layered, i);
 }
 
 /// Light that is sampled for each lane: as light.h has it, and what take_light() takes of it.

@@ -7,6 +7,7 @@
 
 #include <vector>
 
+#include "kernels/schedule/scalar.h"
 #include "kernels/schedule/wave.h"
 
 namespace heliograph::test {
