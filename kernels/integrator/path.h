@@ -42,8 +42,8 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path, const DomePlace* 
   if (dome.texture != kNone) at = place ? *place : dome_place(dome, path.ray.direction);
   float weight = 1;
   if (path.pdf > 0 && dome.probability > 0) {
-    const float pdf = dome_pdf(dome, path.from, path.ray.direction, at);
-    weight = mis_weight(path.pdf, sky_share(path.from) * pdf);
+    const float pdf = dome_pdf(dome, receiver_of(path), path.ray.direction, at);
+    weight = mis_weight(path.pdf, sky_share(receiver_of(path)) * pdf);
   }
   return dome_radiance(scene, at.uv) * weight;
 }
@@ -54,7 +54,7 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
     return vec3(0);
   if (path.pdf <= 0) return sun.radiance;
   if (!shows_to_all(sun.visibility)) return vec3(0);
-  return sun.radiance * mis_weight(path.pdf, sky_share(path.from) * sun_pdf(sun));
+  return sun.radiance * mis_weight(path.pdf, sky_share(receiver_of(path)) * sun_pdf(sun));
 }
 
 /// The path leaves the scene.
@@ -81,7 +81,8 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
   if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
   Hit from_vertex = hit;
   from_vertex.t += path.passed;
-  return mis_weight(path.pdf, light_pdf(scene, path.from, from_vertex, path.ray.direction, light));
+  return mis_weight(path.pdf,
+                    light_pdf(scene, receiver_of(path), from_vertex, path.ray.direction, light));
 }
 
 /// The path meets a surface: finds out what it is and counts what it emits.

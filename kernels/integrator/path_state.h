@@ -50,23 +50,41 @@ struct PathContext {
   u64 pixel;
 };
 
-/// A path on its way from the camera.
-struct Path {
+/// The ray of a path, which a tracer follows. A GPU moves it, and PathState, in words of 16 bytes.
+struct alignas(16) PathRay {
   Ray ray;
-  u32 mask;  // kind of the ray
+  float surface_share;  // of the receiver where it was chosen
+  u8 mask;              // kind of the ray
+  u8 boundaries;        // passable ones since the last vertex
+  Facing from_facing;   // of the receiver
+  u8 guided : 1;        // the guides are recorded
+  u8 blurred : 1;       // it has scattered, and not by a perfect mirror or window alone
+};
+
+/// What a path has beside its ray, its route and what it is inside of.
+struct alignas(16) PathState {
   vec3 throughput;
-  float pdf;      // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
-  Receiver from;  // where it was chosen; unset for camera rays
+  float pdf;    // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
+  vec3 from_p;  // of the receiver where it was chosen; unset for camera rays
   float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
-  u32 edges;             // of the path, the ray included
-  float passed;          // metres, from the last vertex to the ray's origin
-  u32 boundaries;        // passable ones on that way
-  bool guided;           // the guides are recorded
-  Cone cone;             // of the ray
-  bool blurred;          // it has scattered, and not by a perfect mirror or window alone
+  vec3 from_n;
+  float passed;  // metres, from the last vertex to the ray's origin
+  Cone cone;     // of the ray
+  u32 edges;     // of the path, the ray included
+};
+static_assert(kMostPassed < 255 && kThroughRay < 256);
+static_assert(sizeof(PathRay) == 48 && sizeof(PathState) == 64);
+
+/// A path on its way from the camera.
+struct Path : PathRay, PathState {
   Route route;
   Inside inside;  // of which closed surfaces the ray starts
 };
+
+/// Where the ray's direction was chosen.
+KERNEL Receiver receiver_of(const Path& path) {
+  return {path.from_p, path.from_n, path.from_facing, path.ray.time, path.surface_share};
+}
 
 /// What paths carry.
 template <class F>
@@ -120,10 +138,13 @@ struct Onward {
 template <Tracer T>
 KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
   path.pdf = onward.pdf;
-  path.blurred = path.blurred || onward.pdf > 0;
+  path.blurred |= onward.pdf > 0;
   path.cone.spread = max2(path.cone.spread, onward.spread);
-  path.from = onward.from;
-  path.mask = onward.mask;
+  path.from_p = onward.from.p;
+  path.from_n = onward.from.n;
+  path.from_facing = onward.from.facing;
+  path.surface_share = onward.from.surface_share;
+  path.mask = u8(onward.mask);
   path.ray = {onward.origin, onward.direction, INFINITY, c.time,
               hole_key(c, kHoleHash + path.edges)};
   path.passed = 0;

@@ -100,7 +100,8 @@ class Wave {
   /// The item's ray has met its hit.
   HELIO_ALWAYS_INLINE KERNEL Arrival arrive(u32 item) const {
     Path path;
-    take_up(load_whole(view_.paths[item]), load_whole(view_.rays[item]), path);
+    static_cast<PathState&>(path) = load_whole(view_.paths[item]);
+    static_cast<PathRay&>(path) = load_whole(view_.rays[item]);
     path.route = route_of(2 * item);
     Reach reach{path.ray.t_max, {INFINITY, vec3(0)}};
     if (kRich && view_.insides) {
@@ -172,8 +173,8 @@ class Wave {
       view_.insides[item] = path.inside;
       view_.reaches[item] = reach;
     }
-    store_whole(view_.paths[item], kept_of(path));
-    store_whole(view_.rays[item], WaveRay{path.ray, path.mask, path.from.surface_share});
+    store_whole<PathState>(view_.paths[item], path);
+    store_whole<PathRay>(view_.rays[item], path);
     keep_route(2 * item, path.route);
   }
   KERNEL void keep_light(u32 item, const LaterLight& later) const {

@@ -35,24 +35,8 @@ KERNEL void store_whole(T& to, const T& value) {
 #endif
 }
 
-struct alignas(16) WaveRay {
-  Ray ray;
-  u32 mask;
-  float surface_share;  // of Path::from, for which WavePath has no room
-};
 struct alignas(16) WaveHit {
   Hit hit;
-};
-/// What a path has beside its ray, its route and what it is inside of.
-struct alignas(16) WavePath {
-  vec3 throughput;
-  float pdf;
-  vec3 from_p;  // of Path::from, whose time is the ray's
-  float radiance_scale;
-  vec3 from_n;
-  float passed;
-  Cone cone;
-  u32 edges : 20, boundaries : 8, facing : 2, guided : 1, blurred : 1;
 };
 struct alignas(16) WaveLight {
   Ray ray;
@@ -76,33 +60,13 @@ struct alignas(16) WaveFirst {
   u32 hit;
   vec2 caught;
 };
-static_assert(sizeof(WaveRay) == 48 && sizeof(WavePath) == 64 && sizeof(WaveLight) == 64);
+static_assert(sizeof(WaveLight) == 64);
 static_assert(sizeof(WaveSample) == 16 && sizeof(WaveFirst) == 48);
-
-KERNEL WavePath kept_of(const Path& path) {
-  return {path.throughput, path.pdf,    path.from.p, path.radiance_scale, path.from.n,
-          path.passed,     path.cone,   path.edges,  path.boundaries,     u32(path.from.facing),
-          path.guided,     path.blurred};
-}
-KERNEL void take_up(const WavePath& kept, const WaveRay& ray, Path& path) {
-  path.ray = ray.ray;
-  path.mask = ray.mask;
-  path.throughput = kept.throughput;
-  path.pdf = kept.pdf;
-  path.from = {kept.from_p, kept.from_n, Facing(kept.facing), ray.ray.time, ray.surface_share};
-  path.radiance_scale = kept.radiance_scale;
-  path.edges = kept.edges;
-  path.passed = kept.passed;
-  path.boundaries = kept.boundaries;
-  path.guided = kept.guided;
-  path.cone = kept.cone;
-  path.blurred = kept.blurred;
-}
 
 /// Memory of a wave, by item.
 struct WaveView {
-  WavePath* paths;
-  WaveRay* rays;
+  PathState* paths;
+  PathRay* rays;
   WaveHit* hits;
   WaveLight* lights;
   Inside* insides;  // null where the scene has no media

@@ -40,8 +40,8 @@ u64 render_plain_wave(const SceneView& scene, const CameraView& camera, const Se
   const PlainTracer tracer{rays};
   const ShotView shot{scene, camera, settings, film};
   const WaveWork work{0, tiles_of(film), 0, samples};
-  std::vector<WavePath> paths(items_of(work));
-  std::vector<WaveRay> rays_of(items_of(work));
+  std::vector<PathState> paths(items_of(work));
+  std::vector<PathRay> rays_of(items_of(work));
   std::vector<WaveHit> hits(items_of(work));
   std::vector<WaveLight> lights(items_of(work));
   std::vector<WaveSample> of_samples(items_of(work));
@@ -57,7 +57,7 @@ u64 render_plain_wave(const SceneView& scene, const CameraView& camera, const Se
   for (u32 item = 0; item < items_of(work); ++item) {
     Arrival arrival{wave.begin(item), false};
     while (arrival.goes_on || arrival.wants_shadow_ray) {
-      const WaveRay& ray = rays_of[item];
+      const PathRay& ray = rays_of[item];
       if (arrival.goes_on) hits[item].hit = rays.closest(ray.ray, ray.mask);
       if (arrival.wants_shadow_ray && !rays.occluded(lights[item].ray, kShadowRay))
         wave.shine(item);

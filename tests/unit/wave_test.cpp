@@ -93,8 +93,8 @@ class HostWave {
   WaveView view_{};
   u32 items_;
   std::vector<Arrival> arrivals_;
-  std::vector<WavePath> paths_;
-  std::vector<WaveRay> rays_;
+  std::vector<PathState> paths_;
+  std::vector<PathRay> rays_;
   std::vector<WaveHit> hits_;
   std::vector<WaveLight> lights_;
   std::vector<Inside> insides_;

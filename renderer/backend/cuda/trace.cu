@@ -90,7 +90,7 @@ __device__ void trace_paths(const WaveLaunch& l, const Share& share) {
   walk_all(
       l, share, now.active, now.next_ray,
       [&](BvhWalk& walk, u32 i) {
-        const WaveRay ray = load_whole(l.wave.rays[active[i]]);
+        const PathRay ray = load_whole(l.wave.rays[active[i]]);
         go_to_scene<kMany>(walk, shot_of<kMany>(l, active[i]));
         walk.begin(ray.ray, ray.mask, false);
       },

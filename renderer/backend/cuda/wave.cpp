@@ -130,8 +130,8 @@ Status Wave::allocate(u64 memory) {
 void Wave::lay(Layout& layout, u64 items) {
   kernels::WaveView& wave = launch_.wave;
   wave.film.width = u32(items);
-  wave.paths = layout.take<kernels::WavePath>(items);
-  wave.rays = layout.take<kernels::WaveRay>(items);
+  wave.paths = layout.take<kernels::PathState>(items);
+  wave.rays = layout.take<kernels::PathRay>(items);
   wave.hits = layout.take<kernels::WaveHit>(items);
   wave.lights = layout.take<kernels::WaveLight>(items);
   if (any_media_) wave.insides = layout.take<kernels::Inside>(items);
