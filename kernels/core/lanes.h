@@ -83,6 +83,7 @@ struct Enums {
 template <>
 struct InLanes<Floats> {
   using Int = Ints;
+  using Index = Ints;
   using Bool = Mask;
   template <class E>
   using Enum = Enums<E>;

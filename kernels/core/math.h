@@ -15,12 +15,15 @@ using Vec3 = glm::vec<3, F>;
 template <class F>
 struct InLanes {
   using Int = i32;
+  using Index = u32;
   using Bool = bool;
   template <class E>
   using Enum = E;
 };
 template <class F>
 using IntOf = typename InLanes<F>::Int;
+template <class F>
+using IndexOf = typename InLanes<F>::Index;
 template <class F>
 using BoolOf = typename InLanes<F>::Bool;
 template <class F, class E>

@@ -31,16 +31,18 @@ KERNEL F share_of_surfaces(F surfaces, F sky) {
 }
 
 /// Receiver::surface_share.
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float surface_share(const SceneView& scene,
-                                                           const Receiver& from) {
-  if (scene.light_count == 0) return 0;
-  if (!(scene.sky_power > 0)) return 1;
+template <class F>
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL F surface_share(const SceneView& scene,
+                                                       const LitPointOf<F>& to) {
+  if (scene.light_count == 0) return F(0);
+  if (!(scene.sky_power > 0)) return F(1);
   // Of light from everywhere a surface's side receives a quarter.
-  const float received = from.facing == Facing::kAny    ? 1.0f
-                         : from.facing == Facing::kBoth ? 0.5f
-                                                        : 0.25f;
-  return share_of_surfaces(importance(scene.light_nodes[0], from, false),
-                           received * scene.sky_power);
+  const F received = select(to.all_around, F(1), select(to.both, F(0.5f), F(0.25f)));
+  const LightNodeOf<F> root = node_at(scene.light_nodes, IndexOf<F>(0));
+  return share_of_surfaces(importance(root, to, BoolOf<F>(false)), F(received * scene.sky_power));
+}
+KERNEL float surface_share(const SceneView& scene, const Receiver& from) {
+  return surface_share(scene, lit_point(from));
 }
 KERNEL float sky_share(const Receiver& from) { return 1 - from.surface_share; }
 
@@ -252,6 +254,37 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
   return sample_dome(scene, from, vec2(rescale_uniform(u.x, scene.dome.probability), u.y), out);
 }
 
+/// Whether one of the lights of the tree is taken, and which leaf; if not, it is one of the sky.
+template <class F>
+struct LightChoiceOf {
+  BoolOf<F> of_tree;
+  LeafChoiceOf<F> leaf;
+};
+/// surfaces   Receiver::surface_share
+/// wanted     where light is
+/// u          uniform in [0, 1)
+template <class F>
+KERNEL LightChoiceOf<F> choose_light(const SceneView& scene, const LitPointOf<F>& to, F surfaces,
+                                     BoolOf<F> wanted, F u) {
+  LightChoiceOf<F> choice{BoolOf<F>(wanted & (u < surfaces)),
+                          {IndexOf<F>(0), surfaces, rescale_uniform(u, surfaces)}};
+  if (any(choice.of_tree))
+    choose_leaf(scene.light_nodes, to, BoolOf<F>(false), choice.of_tree, choice.leaf);
+  return choice;
+}
+
+/// A direction to a light that has been chosen; false when no light comes from there.
+KERNEL bool sample_light(const SceneView& scene, const Receiver& from,
+                         const LightChoiceOf<float>& choice, vec2 u, LightSample& out) {
+  if (choice.of_tree) return sample_surface_light(scene, from, choice.leaf, u.y, out);
+  out.time = from.time;
+  const float sky = sky_share(from);
+  const vec2 rest(rescale_uniform(u.x - from.surface_share, sky), u.y);
+  if (!sample_sky(scene, from, rest, out)) return false;
+  out.pdf *= sky;
+  return true;
+}
+
 /// Chooses a light and a direction to it; false when no light comes from there.
 ///
 /// u   uniform in [0, 1): the number that chooses goes on to say where, so that the samples of a
@@ -259,18 +292,9 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
 HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL bool sample_light(const SceneView& scene,
                                                          const Receiver& from, vec2 u,
                                                          LightSample& out) {
-  out.time = from.time;
-  const float surfaces = from.surface_share;
-  if (u.x >= surfaces) {
-    const float sky = sky_share(from);
-    if (!sample_sky(scene, from, vec2(rescale_uniform(u.x - surfaces, sky), u.y), out))
-      return false;
-    out.pdf *= sky;
-    return true;
-  }
-  LeafChoice choice{0, surfaces, rescale_uniform(u.x, surfaces)};
-  choose_leaf(scene.light_nodes, from, false, choice);
-  return sample_surface_light(scene, from, choice, u.y, out);
+  const LightChoiceOf<float> choice =
+      choose_light(scene, lit_point(from), from.surface_share, true, u.x);
+  return sample_light(scene, from, choice, u, out);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -102,9 +102,49 @@ KERNEL LightNode node_of(const LightBounds& b) {
 // ---------------------------------------------------------------- choice
 
 /// cos(max(a - b, 0)) for angles in [0, pi].
-KERNEL float cos_difference(float cos_a, float cos_b, float sin_b) {
-  if (cos_a >= cos_b) return 1;
-  return cos_a * cos_b + safe_sqrt(1 - cos_a * cos_a) * sin_b;
+template <class F>
+KERNEL F cos_difference(F cos_a, F cos_b, F sin_b) {
+  return select(cos_a >= cos_b, F(1), cos_a * cos_b + safe_sqrt(1 - cos_a * cos_a) * sin_b);
+}
+
+/// Points that light is sampled for, as trees see them.
+template <class F>
+struct LitPointOf {
+  Vec3<F> p, n;                // as Receiver has them
+  BoolOf<F> both, all_around;  // Facing::kBoth, Facing::kAny
+};
+KERNEL LitPointOf<float> lit_point(const Receiver& r) {
+  return {r.p, r.n, r.facing == Facing::kBoth, r.facing == Facing::kAny};
+}
+
+/// What lies below nodes of a tree, as LightNode has it.
+template <class F>
+struct LightLinkOf {
+  IndexOf<F> first, count;
+};
+KERNEL LightLinkOf<float> link_at(const LightNode* nodes, u32 i) {
+  return {nodes[i].first, nodes[i].count};
+}
+
+/// Nodes of a tree.
+template <class F>
+struct LightNodeOf {
+  Vec3<F> center;
+  F radius2;
+  Vec3<F> axis;
+  F cos_spread, power;
+  BoolOf<F> two_sided;
+  LightLinkOf<F> link;
+};
+KERNEL LightNodeOf<float> node_at(const LightNode* nodes, u32 i) {
+  const LightNode& node = nodes[i];
+  return {node.center,
+          node.radius2,
+          node.axis,
+          node.cos_spread,
+          node.power,
+          node.two_sided,
+          {node.first, node.count}};
 }
 
 /// A node's sphere from a point.
@@ -144,16 +184,6 @@ KERNEL F typical_cosine(F center, F largest) {
   return 0.25f * max2(largest, F(0)) + 0.75f * max2(center, F(0));
 }
 
-/// importance() of emitters that face everywhere, to the front of a surface with normal n. d: from
-/// there to the node's centre
-template <class F>
-KERNEL F front_importance(Vec3<F> d, F radius2, F power, Vec3<F> n) {
-  const NodeSphere<F> sphere(d, radius2);
-  const F along = dot(n, d);
-  return power * sphere.fall_off() *
-         typical_cosine(along * sqrt(sphere.inverse2), sphere.largest_cosine(along));
-}
-
 /// How much the emitters of a node may send to a point, up to a common factor: never 0 where they
 /// send any.
 ///
@@ -161,28 +191,31 @@ KERNEL F front_importance(Vec3<F> d, F radius2, F power, Vec3<F> n) {
 /// Splitting", section 4.1, with the receiver's cosine. Their cosines are the largest ones, and
 /// their distance is at least the node's radius; typical cosines and half of the radius have a
 /// tenth of the variance (1,000 lights on a ceiling).
-KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided) {
-  const vec3 d = node.center - r.p;
-  const NodeSphere<float> sphere(d, node.radius2);
-  const float scale = std::sqrt(sphere.inverse2);
-  float result = node.power * sphere.fall_off();
-  if (node.cos_spread > -1) {
-    float along = -dot(node.axis, d);
-    if (two_sided || node.two_sided) along = std::fabs(along);
-    float center = along * scale;
-    if (node.cos_spread < 1) {
-      const float nearest =
+template <class F>
+KERNEL F importance(const LightNodeOf<F>& node, const LitPointOf<F>& to, BoolOf<F> two_sided) {
+  const Vec3<F> d = node.center - to.p;
+  const NodeSphere<F> sphere(d, node.radius2);
+  const F scale = sqrt(sphere.inverse2);
+  F result = node.power * sphere.fall_off();
+  if (const auto cones = node.cos_spread > -1; any(cones)) {
+    F along = -dot(node.axis, d);
+    along = select(two_sided | node.two_sided, abs(along), along);
+    F center = along * scale;
+    if (const auto wide = node.cos_spread < 1; any(wide)) {
+      const F nearest =
           cos_difference(center, node.cos_spread, safe_sqrt(1 - sqr(node.cos_spread)));
-      center = 0.5f * (center + nearest);
-      along = nearest * (sphere.distance2 * scale);
+      center = select(wide, 0.5f * (center + nearest), center);
+      along = select(wide, nearest * (sphere.distance2 * scale), along);
     }
-    result *= typical_cosine(center, sphere.largest_cosine(along));
-    if (!(result > 0)) return 0;
+    const F facing = result * typical_cosine(center, sphere.largest_cosine(along));
+    result = select(cones, max2(facing, F(0)), result);
+    if (!any(result > 0)) return result;
   }
-  if (r.facing == Facing::kAny) return result;
-  float along = dot(r.n, d);
-  if (r.facing == Facing::kBoth) along = std::fabs(along);
-  return result * typical_cosine(along * scale, sphere.largest_cosine(along));
+  if (all(to.all_around)) return result;
+  F along = dot(to.n, d);
+  along = select(to.both, abs(along), along);
+  const F received = result * typical_cosine(along * scale, sphere.largest_cosine(along));
+  return select(to.all_around, result, received);
 }
 
 /// Probability of the first of two siblings. Where neither sends anything, any choice will do.
@@ -191,39 +224,48 @@ KERNEL F first_share(F first, F second) {
   const F share = first / (first + second);
   return select(share >= 0, share, F(0.5f));
 }
-KERNEL float first_share(const LightNode& first, const LightNode& second, const Receiver& r,
-                         bool two_sided) {
-  return first_share(importance(first, r, two_sided), importance(second, r, two_sided));
-}
 
-struct LeafChoice {
-  u32 node;
-  float probability;
-  float rest;  // uniform in [0, 1)
+template <class F>
+struct LeafChoiceOf {
+  IndexOf<F> node;
+  F probability;
+  F rest;  // uniform in [0, 1)
 };
+using LeafChoice = LeafChoiceOf<float>;
 
-/// Descends from io.node to a leaf.
-KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_sided, LeafChoice& io) {
-  LightNode node = nodes[io.node];
-  while (node.count == 0) {
-    const LightNode a = nodes[node.first], b = nodes[node.first + 1];
-    const float share = first_share(a, b, r, two_sided);
-    const bool second = io.rest >= share;
-    const float part = second ? 1 - share : share;
-    io.rest = rescale_uniform(second ? io.rest - share : io.rest, part);
-    io.probability *= part;
-    io.node = node.first + u32(second);
-    node = second ? b : a;
+/// Descends from io.node to leaves, where it is wanted. two_sided: all emitters are
+template <class F>
+KERNEL void choose_leaf(const LightNode* nodes, const LitPointOf<F>& to, BoolOf<F> two_sided,
+                        BoolOf<F> wanted, LeafChoiceOf<F>& io) {
+  LightLinkOf<F> link = link_at(nodes, io.node);
+  for (;;) {
+    const BoolOf<F> inner = wanted & (link.count == 0);
+    if (!any(inner)) return;
+    const IndexOf<F> first = select(inner, link.first, IndexOf<F>(0));
+    const LightNodeOf<F> a = node_at(nodes, first), b = node_at(nodes, first + 1);
+    const F share = first_share(importance(a, to, two_sided), importance(b, to, two_sided));
+    const BoolOf<F> second = io.rest >= share;
+    const F part = select(second, 1 - share, share);
+    const F rest = rescale_uniform(F(select(second, io.rest - share, io.rest)), part);
+    io.rest = select(inner, rest, io.rest);
+    io.probability = select(inner, io.probability * part, io.probability);
+    io.node = select(inner, select(second, first + 1, first), io.node);
+    link.first = select(second, b.link.first, a.link.first);
+    link.count = select(inner, select(second, b.link.count, a.link.count), IndexOf<F>(1));
   }
+}
+KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_sided, LeafChoice& io) {
+  choose_leaf(nodes, lit_point(r), two_sided, true, io);
 }
 
 /// Probability with which choose_leaf() ends in `leaf`.
 KERNEL float leaf_probability(const LightNode* nodes, u32 leaf, const Receiver& r, bool two_sided) {
+  const LitPointOf<float> to = lit_point(r);
   float probability = 1;
   for (u32 node = leaf; nodes[node].parent != kNone; node = nodes[node].parent) {
     const u32 first = nodes[nodes[node].parent].first;
-    const LightNode a = nodes[first], b = nodes[first + 1];
-    const float share = first_share(a, b, r, two_sided);
+    const auto a = node_at(nodes, first), b = node_at(nodes, first + 1);
+    const float share = first_share(importance(a, to, two_sided), importance(b, to, two_sided));
     probability *= node == first ? share : 1 - share;
   }
   return probability;

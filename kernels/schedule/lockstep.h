@@ -247,15 +247,16 @@ class Lockstep {
     const u32 scatter_bits = bits_of(scattering);
     const Mask lit =
         has_lights(scene_) ? scattering & !lanes.is_last & has_smooth_lobe(bsdf) : Mask(false);
-    const bool in_lanes = plain_lights_ && !any(all & is_glass(bsdf));
+    const LitPointOf<Floats> point{lanes.p, select(is_layered(bsdf), bsdf.ng, bsdf.frame.n),
+                                   is_glass(bsdf), false};
+    const Floats surfaces = surface_share(scene_, point);
     for (u32 i = 0; i < lanes.count; ++i) {
       Vertex& v = *lanes.vertices[i];
-      const Item& item = items_[lanes.items[i]];
       get_frame(bsdf, i, v.bsdf);
-      set_receiver(v, item.time);
-      if (!in_lanes) v.receiver.surface_share = surface_share(scene_, v.receiver);
+      set_receiver(v, items_[lanes.items[i]].time);
+      v.receiver.surface_share = get(surfaces, i);
     }
-    if (in_lanes || any(lit)) take_lights(lanes, bsdf, casters, lit, in_lanes);
+    if (any(lit)) take_lights(lanes, bsdf, casters, point, surfaces, lit);
     const DirectionOf<Floats> to = choose_direction(bsdf, casters, lanes.material.subsurface_color,
                                                     lanes.carried, lanes.roulette, lanes.chance.x,
                                                     lanes.scatter, [&] { return lanes.chance.y; });
@@ -274,12 +275,14 @@ class Lockstep {
   }
   template <Features S>
   void take_lights(const ScatterLanes<S>& lanes, const BsdfOf<Floats, S>& bsdf,
-                   const CasterConesOf<Floats>& casters, Mask lit, bool in_lanes) {
+                   const CasterConesOf<Floats>& casters, const LitPointOf<Floats>& point,
+                   Floats surfaces, Mask lit) {
     SampledLights lights;
-    if (in_lanes)
-      sample_all(scene_, lanes, lit, select(is_layered(bsdf), bsdf.ng, bsdf.frame.n), lights);
+    const LightChoiceOf<Floats> choices = choose_light(scene_, point, surfaces, lit, lanes.light.x);
+    if (plain_lights_ && !any(lit & point.both))
+      sample_all(scene_, lanes, point, choices, surfaces, lights);
     else
-      sample_each(scene_, lanes, bits_of(lit), lights);
+      sample_each(scene_, lanes, choices, bits_of(lit), lights);
     const BsdfValueOf<Floats> f =
         scattered(bsdf, casters, lights.to.direction, lights.to.visibility);
     const TakenLightOf<Floats> taken =

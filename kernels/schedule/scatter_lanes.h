@@ -137,14 +137,19 @@ struct SampledLights {
   LightDirectionOf<Floats> to{};
 };
 
-/// Samples the light of lanes that take some, one by one. wanted: bit i is lane i
+/// Samples the chosen lights of lanes that take some, one by one. wanted: bit i is lane i
 template <Features S>
-KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes, u32 wanted,
-                        SampledLights& lights) {
+KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes,
+                        const LightChoiceOf<Floats>& choices, u32 wanted, SampledLights& lights) {
   for (u32 i = 0; i < lanes.count; ++i) {
+    if (!(wanted >> i & 1)) continue;
     LightSample& light = lights.of[i];
+    const LeafChoiceOf<Floats>& leaf = choices.leaf;
+    const LightChoiceOf<float> choice{
+        get(choices.of_tree, i),
+        {u32(get(leaf.node, i)), get(leaf.probability, i), get(leaf.rest, i)}};
     const Receiver& receiver = lanes.vertices[i]->receiver;
-    if (!(wanted >> i & 1) || !sample_light(scene, receiver, get(lanes.light, i), light)) continue;
+    if (!sample_light(scene, receiver, choice, get(lanes.light, i), light)) continue;
     put(lights.found, i, true);
     const LightDirectionOf<float> to = direction_of(light);
     put(lights.to.direction, i, to.direction);
@@ -156,22 +161,19 @@ KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes, u3
 }
 
 /// Samples them in lanes: of a scene that has_plain_lights(), for receivers that face the front.
-/// Sets their Receiver::surface_share.
 template <Features S>
-KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes, Mask wanted,
-                       Vec3<Floats> n, SampledLights& lights) {
-  const LightLanes found = sample_lights(scene, wanted, lanes.p, n, lanes.light);
-  lights.found = found.pdf > 0;
-  lights.to = {found.direction, found.target, found.pdf, Ints(i32(kAllRays)),
-               !(found.light == i32(kNone))};
+KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes,
+                       const LitPointOf<Floats>& to, const LightChoiceOf<Floats>& choices,
+                       Floats surfaces, SampledLights& lights) {
+  const LightLanes found = sample_plain_lights(scene, to, choices, surfaces, lanes.light);
+  lights.found = found.to.pdf > 0;
+  lights.to = found.to;
   for (u32 i = 0; i < lanes.count; ++i) {
-    Receiver& receiver = lanes.vertices[i]->receiver;
-    receiver.surface_share = get(found.surface_share, i);
     LightSample& light = lights.of[i];
-    light.direction = get(found.direction, i);
+    light.direction = get(found.to.direction, i);
     light.light = u32(get(found.light, i));
     light.sun = kNone;
-    light.time = receiver.time;
+    light.time = lanes.vertices[i]->receiver.time;
     light.place = vec2(0);
   }
 }
