@@ -42,8 +42,8 @@ template <Features S, class F>
 KERNEL BodyOf<F> body_of(const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
   const BoolOf<F> body = rich<S>(m.subsurface > 0);
   if (!any(body)) return {m.base_color, F(0)};
-  const BoolOf<F> walks =
-      body & !at.thin_walled & (dot(at.wo, at.ng) >= 0) & !is_black(m.subsurface_radius);
+  const BoolOf<F> is_opaque = is_black(m.subsurface_radius);
+  const BoolOf<F> walks = body & !at.thin_walled & (dot(at.wo, at.ng) >= 0) & !is_opaque;
   const Vec3<F> color = m.base_color * (1 - m.subsurface);
   const Vec3<F> whole = color + m.subsurface_color * m.subsurface;
   return {select(body, select(walks, color, whole), m.base_color),

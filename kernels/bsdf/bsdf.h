@@ -148,8 +148,9 @@ KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
 /// Where the surface sends on any light at all.
 template <class F, Features S>
 KERNEL BoolOf<F> scatters(const BsdfOf<F, S>& b) {
-  return is_glass(b) | (b.f90 > 0) | (b.subsurface > 0) | !is_black(b.diffuse) | !is_black(b.f0) |
-         is_layered(b);
+  const BoolOf<F> glass = is_glass(b), layered = is_layered(b);
+  const BoolOf<F> diffuse = !is_black(b.diffuse), metal = !is_black(b.f0);
+  return glass | layered | diffuse | metal | (b.f90 > 0) | (b.subsurface > 0);
 }
 
 /// Where lights are worth sampling: something is not a perfect mirror.

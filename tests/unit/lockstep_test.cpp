@@ -145,7 +145,8 @@ TEST_CASE("lockstep: surfaces of every material, side by side") {
   TestScene scene;
   furnish_plainly(scene, 2);
   for (u32 i = 0; i < 20; ++i) {
-    const vec3 place(float(i % 5) * 0.6f - 1.3f, float(i / 5) * 0.6f - 1, 0.1f);
+    const u32 row = i / 5;
+    const vec3 place(float(i % 5) * 0.6f - 1.3f, float(row) * 0.6f - 1, 0.1f);
     scene.add_instance(scene.add(sphere(6)), scene.add(any_material(random)),
                        pose(mat3(0.25f), place));
   }
