@@ -5,7 +5,7 @@
 #pragma once
 
 #include "kernels/integrator/path.h"
-#include "kernels/schedule/light_lanes.h"
+#include "kernels/light/light_lanes.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
