@@ -15,7 +15,7 @@ enum class Interface : u8 {
   kSheet,  // thin-walled: straight on, through both faces
 };
 
-/// What surfaces have that this program renders. What a program's have not is left out of its code.
+/// Features that this program renders; code for the others is left out.
 inline constexpr Features kFeatures = kRich ? Features::kAll : Features::kGlass;
 
 /// Where a condition holds, of surfaces that have everything or, for glassy(), glass.
@@ -129,12 +129,12 @@ template <Features S, class F>
 KERNEL BoolOf<F> has_film(const ThinFilmOf<F>& film) {
   return rich<S>(film.weight > 0);
 }
-/// Whether microfacets are perfect mirrors.
+/// True where microfacets are perfect mirrors.
 template <class F, Features S>
 KERNEL BoolOf<F> is_mirror(const BaseOf<F, S>& b) {
   return glassy<S>(b.delta);
 }
-/// Whether there is an interface that light can pass.
+/// True where light can pass the interface.
 template <class F, Features S>
 KERNEL BoolOf<F> is_glass(const BaseOf<F, S>& b) {
   return glassy<S>(b.glass > 0);

@@ -249,8 +249,7 @@ HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F, S>& b, const MaterialValue
          b.glass;
 }
 
-/// What makes up for light that a rough interface scatters more than once, where each microfacet
-/// reflects or refracts.
+/// Compensation for multiple scattering at an interface whose microfacets reflect or refract.
 template <class F, Features S>
 KERNEL Vec3<F> joint_scale(const BaseOf<F, S>& b, F roughness) {
   const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, roughness, b.eta);

@@ -33,7 +33,7 @@ KERNEL BoolOf<F> has_layers(const MaterialValuesOf<F>& m) {
   return rich<kFeatures>((m.clearcoat > 0) | ((m.sheen > 0) & !is_black(m.sheen_color)));
 }
 
-/// Whether a material scatters no light at all: what only emits is often so.
+/// True for a material that scatters no light, as one that only emits.
 KERNEL bool is_black(const MaterialValues& m) {
   return !(m.specular > 0 || m.metallic > 0 || m.transmission > 0 || m.subsurface > 0 ||
            has_layers(m)) &&

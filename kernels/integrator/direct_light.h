@@ -26,13 +26,18 @@ struct Vertex {
 //   cross_towards  what it starts inside of
 //   first_vertex   what the point does with the light where it is the path's first
 
-/// Sets Vertex::receiver, but for its surface_share. A clearcoat may have a normal of its own, but
-/// no light from below the surface.
+/// Normals of the sides that receive light. A clearcoat may have a normal of its own, but no light
+/// from below the surface.
+template <class F, Features S>
+KERNEL Vec3<F> receiving_normal(const BsdfOf<F, S>& b) {
+  return select(is_layered(b), b.ng, b.frame.n);
+}
+/// Sets Vertex::receiver, but for its surface_share.
 KERNEL void set_receiver(Vertex& v, float time) {
   const Bsdf& b = v.bsdf;
   Receiver& receiver = v.receiver;
   receiver.p = v.surface.p;
-  receiver.n = is_layered(b) ? b.ng : b.frame.n;
+  receiver.n = receiving_normal(b);
   receiver.facing = b.glass > 0 ? Facing::kBoth : Facing::kFront;
   receiver.time = time;
 }
