@@ -1,5 +1,5 @@
 """Writes the tables of kernels/: sRGB decoding, the inverse of the Blackman-Harris filter's
-integral, and albedos of sheen. make_ggx_tables.cpp writes the tables of GGX.
+integral, albedos of sheen, colours of wavelengths. make_ggx_tables.cpp writes the tables of GGX.
 
 usage: make_kernel_tables.py KERNELS_FOLDER (needs numpy). The results are checked in; run it again
 when a size changes.
@@ -14,6 +14,8 @@ FILTER = 128  # intervals of one half
 SHEEN_MU, SHEEN_ROUGHNESS = 64, 16
 SHEEN_SMOOTHEST = 0.25  # below, the model reflects more than it gets
 SHEEN_GRID = 384  # per side, quadrature points over the hemisphere
+SHORTEST, LONGEST = 420, 670  # nm
+SPECTRUM_STEPS = 64
 
 HEADER = """// {what} Written by scripts/make_kernel_tables.py.
 #pragma once
@@ -104,6 +106,46 @@ def sheen_table() -> str:
     )
 
 
+def lobe(wavelength: np.ndarray, peak: float, below: float, above: float) -> np.ndarray:
+    return np.exp(-0.5 * ((wavelength - peak) / np.where(wavelength < peak, below, above)) ** 2)
+
+
+def linear_srgb(nm: np.ndarray) -> np.ndarray:
+    """Colours of single wavelengths (3, n), those outside sRGB at its border.
+
+    Source: Wyman, Sloan and Shirley 2013, "Simple Analytic Approximations to the CIE XYZ Color
+    Matching Functions", JCGT 2(2), section 2.2; IEC 61966-2-1.
+    """
+    x = 1.056 * lobe(nm, 599.8, 37.9, 31.0) + 0.362 * lobe(nm, 442.0, 16.0, 26.7)
+    x -= 0.065 * lobe(nm, 501.1, 20.4, 26.2)
+    y = 0.821 * lobe(nm, 568.8, 46.9, 40.5) + 0.286 * lobe(nm, 530.9, 16.3, 31.1)
+    z = 1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8)
+    xyz_to_rgb = np.array(
+        [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+    )
+    return np.maximum(xyz_to_rgb @ np.stack([x, y, z]), 0)
+
+
+def spectrum_table() -> str:
+    nm = np.linspace(SHORTEST, LONGEST, 30001)
+    rgb = linear_srgb(nm)
+    rgb /= rgb.mean(1, keepdims=True)
+    chosen = np.cumsum(rgb.mean(0))
+    chosen = (chosen - chosen[0]) / (chosen[-1] - chosen[0])
+    u = np.linspace(0, 1, SPECTRUM_STEPS + 1)
+    place = np.interp(u, chosen, nm)
+    color = np.stack([np.interp(place, nm, channel) for channel in rgb / rgb.mean(0)])
+    for _ in range(100):  # each colour averages 1, the three of a wavelength sum to 3
+        color /= np.trapezoid(color, u, axis=1)[:, None]
+        color *= 3 / color.sum(0)
+    names = ("kSpectrumRed", "kSpectrumGreen", "kSpectrumBlue")
+    return (
+        constant("kSpectrumSteps", SPECTRUM_STEPS)
+        + table("kSpectrumBend", 523655 / place**2 - 1.5168, "[u], see dispersed_ior()")
+        + "".join(table(name, row, "[u], of light") for name, row in zip(names, color, strict=True))
+    )
+
+
 def main(folder: pathlib.Path) -> None:
     files = {
         "core/srgb_table.h": (
@@ -120,6 +162,10 @@ def main(folder: pathlib.Path) -> None:
             ),
         ),
         "bsdf/sheen_tables.h": ("Albedos of sheen.", sheen_table()),
+        "bsdf/spectrum_table.h": (
+            "Wavelengths by how much of three colours they hold.",
+            spectrum_table(),
+        ),
     }
     for name, (what, text) in files.items():
         (folder / name).write_text(HEADER.format(what=what) + text + FOOTER)

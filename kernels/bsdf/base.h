@@ -29,7 +29,8 @@ KERNEL Bool glassy(Bool condition) {
 }
 
 /// A sum of
-///   diffuse   Lambert under the coat, scaled by what the coat lets in and out
+///   diffuse   Lambert under the coat, scaled by what the coat lets in and out; some of it leaves
+///             on the far side, as from a leaf
 ///   inside    what enters the coat, travels inside the body and leaves elsewhere (subsurface.h)
 ///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
 ///             light that microfacets scatter more than once
@@ -45,6 +46,8 @@ struct BaseOf {
   F f90;
   F coat_f0, coat_f90, coat_multiple;  // of the coat alone, in full
   F average_entering;                  // average over wi of 1 - coat albedo, layers included
+  Vec3<F> diffuse_through;             // as `diffuse`, of light that leaves on the far side
+  F diffuse_through_share;             // of what is sampled by cosine
   AlbedoRowOf<F> albedo;
   GgxOf<F> facets;
   F diffuse_probability;            // of sampling by cosine

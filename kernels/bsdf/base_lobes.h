@@ -10,7 +10,7 @@ namespace heliograph::kernels::inline HELIO_ISA {
 template <class F>
 struct BsdfValueOf {
   Vec3<F> diffuse{0};
-  Vec3<F> glossy{0};  // or transmission, for wi below the surface
+  Vec3<F> glossy{0};  // or refracted, for wi below the surface
   F pdf = 0;
 };
 using BsdfValue = BsdfValueOf<float>;
@@ -19,7 +19,7 @@ KERNEL BsdfValueOf<F> select(M m, const BsdfValueOf<F>& a, const BsdfValueOf<F>&
   return {select(m, a.diffuse, b.diffuse), select(m, a.glossy, b.glossy), select(m, a.pdf, b.pdf)};
 }
 
-enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kSubsurface };
+enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kDiffuseTransmission, kSubsurface };
 
 template <class F>
 struct BsdfSampleOf {
@@ -154,6 +154,31 @@ KERNEL BsdfValueOf<F> through_value(const BaseOf<F, S>& b, Vec3<F> wi) {
   return select(passes, value, none);
 }
 
+/// Diffuse light to wi, below the surface (local). The coat of the far face is the same.
+template <class F, Features S>
+KERNEL void add_diffuse_through(const BaseOf<F, S>& b, Vec3<F> wi, BsdfValueOf<F>& out) {
+  const Vec3<F> mirrored(wi.x, wi.y, -wi.z);
+  F leaves = mirrored.z;
+  if (any(b.coated)) {
+    const F coat = coat_albedo(b, base_albedo(b, mirrored));
+    leaves *= select(b.coated, 1 - coat, F(1));
+  }
+  out.diffuse += b.diffuse_through * leaves;
+  out.pdf += b.diffuse_probability * b.diffuse_through_share * mirrored.z * kInvPi;
+}
+
+/// All that goes to wi, below the surface (local).
+template <class F, Features S>
+KERNEL BsdfValueOf<F> below_value(const BaseOf<F, S>& b, Vec3<F> wi) {
+  BsdfValueOf<F> out = through_value(b, wi);
+  if (const auto translucent = is_translucent(b); any(translucent)) {
+    BsdfValueOf<F> both = out;
+    add_diffuse_through(b, wi, both);
+    out = select(translucent, both, out);
+  }
+  return out;
+}
+
 /// Adds what microfacets reflect.
 template <class F, Features S>
 HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F, S>& b, Vec3<F> wi,
@@ -170,7 +195,7 @@ HELIO_ALWAYS_INLINE KERNEL void add_reflection(const BaseOf<F, S>& b, Vec3<F> wi
 template <class F, Features S>
 HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> cosine_value(const BaseOf<F, S>& b, Vec3<F> wi) {
   BsdfValueOf<F> out;
-  out.pdf = b.diffuse_probability * wi.z * kInvPi;
+  out.pdf = above_probability(b) * wi.z * kInvPi;
   out.diffuse = b.diffuse * wi.z;
   if (!any(b.coated)) return out;
   const AlbedoOf<F> in = base_albedo(b, wi);
@@ -185,7 +210,7 @@ template <class F, Features S>
 HELIO_ALWAYS_INLINE KERNEL BsdfValueOf<F> evaluate_base(const BaseOf<F, S>& b, Vec3<F> wi, F side) {
   BsdfValueOf<F> out;
   if (const auto below = (wi.z < 0) & (side < 0); any(below))
-    out = select(below, through_value(b, wi), out);
+    out = select(below, below_value(b, wi), out);
   const BoolOf<F> above = (wi.z > 0) & (side > 0);
   if (const auto cosine = above & (b.diffuse_probability > 0); any(cosine))
     out = select(cosine, cosine_value(b, wi), out);
@@ -275,6 +300,12 @@ KERNEL ChosenOf<F> choose_base(const BaseOf<F, S>& b, F u_lobe, Vec2<F> u, BsdfS
   s.eta = F(1);
   Vec3<F> wi(0, 0, 1);
   if (any(cosine)) wi = sample_cosine(u);
+  const BoolOf<F> leaves_below = cosine & is_translucent(b) & (u_lobe >= above_probability(b));
+  if (any(leaves_below)) {
+    wi.z = select(leaves_below, -wi.z, wi.z);
+    s.lobe = select(leaves_below, LobeOf(Lobe::kDiffuseTransmission), s.lobe);
+    s.eta = select(leaves_below, index_below(b), s.eta);
+  }
   if (!all(cosine)) {
     F rest = u_lobe - b.diffuse_probability;
     const BoolOf<F> apart = passes_apart(b);

@@ -1,6 +1,7 @@
 // How much of which lobe the base of a material has, seen from a direction. Called by bsdf.h.
 #pragma once
 
+#include "kernels/bsdf/base_body.h"
 #include "kernels/bsdf/base_film.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -29,25 +30,6 @@ KERNEL ThinFilmOf<F> film_of(const MaterialValuesOf<F>& m, F outside) {
   const float nanometre = 1e-9f;
   return {select(m.iridescence_thickness > 0, m.iridescence, F(0)), m.iridescence_ior / outside,
           2 * nanometre * m.iridescence_thickness * m.iridescence_ior};
-}
-
-/// What lies under the coat: a share of its light travels inside, the rest is Lambert's. Where
-/// there is no inside to travel in, all of it is.
-template <class F>
-struct BodyOf {
-  Vec3<F> color;
-  F inside;
-};
-template <Features S, class F>
-KERNEL BodyOf<F> body_of(const MaterialValuesOf<F>& m, const ShadingPointOf<F>& at) {
-  const BoolOf<F> body = rich<S>(m.subsurface > 0);
-  if (!any(body)) return {m.base_color, F(0)};
-  const BoolOf<F> is_opaque = is_black(m.subsurface_radius);
-  const BoolOf<F> walks = body & !at.thin_walled & (dot(at.wo, at.ng) >= 0) & !is_opaque;
-  const Vec3<F> color = m.base_color * (1 - m.subsurface);
-  const Vec3<F> whole = color + m.subsurface_color * m.subsurface;
-  return {select(body, select(walks, color, whole), m.base_color),
-          select(walks, m.subsurface, F(0))};
 }
 
 /// What coat and metal are made of.
@@ -100,12 +82,15 @@ KERNEL F facets_reflect(const BaseOf<F, S>& b, const AlbedoOf<F>& out) {
 /// their albedo.
 ///
 /// under      light that leaves the coat's underside towards wo
+/// through    light that has come through from the far side
 /// lost       share of light that microfacets lose towards wo
 template <class F, Features S>
-KERNEL F set_diffuse(BaseOf<F, S>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
+KERNEL F set_diffuse(BaseOf<F, S>& b, Vec3<F> under, Vec3<F> through, F lost,
+                     const AlbedoOf<F>& average) {
   b.average_entering = max2(1 - coat_albedo(b, average), F(1e-4f));
-  const F share = luminance(under) + luminance(b.multiple) * lost;
+  F share = luminance(under) + luminance(b.multiple) * lost;
   b.diffuse = under * (kInvPi / b.average_entering);
+  share += set_diffuse_through(b, Vec3<F>(through), F(kInvPi / b.average_entering), share);
   b.multiple *= kInvPi * lost / max2(1 - average.total, F(1e-4f));
   return share;
 }
@@ -179,7 +164,9 @@ HELIO_ALWAYS_INLINE KERNEL Vec2<F> set_reflection(BaseOf<F, S>& b, const Materia
   }
   const Vec3<F> entering = Vec3<F>(1) - coat;
   b.subsurface = body.inside * b.plastic * min_component(entering);
-  const F diffuse = set_diffuse(b, Vec3<F>(body.color * (entering * b.plastic)), lost, average);
+  const Vec3<F> below = entering * b.plastic;
+  const F diffuse =
+      set_diffuse(b, Vec3<F>(body.color * below), Vec3<F>(body.through * below), lost, average);
   return Vec2<F>(diffuse, facets);
 }
 
@@ -321,7 +308,8 @@ KERNEL void set_lambert(BaseOf<F, S>& b, const MaterialValuesOf<F>& m,
   b.average_entering = F(1);
   b.subsurface = body.inside;
   const F inside = body.inside * luminance(m.subsurface_color);
-  b.reflectance = luminance(body.color) + inside;
+  const F above = luminance(body.color);
+  b.reflectance = above + set_diffuse_through(b, body.through, F(kInvPi), above) + inside;
   b.subsurface_probability = select(inside > 0, inside / b.reflectance, F(0));
   b.diffuse_probability = 1 - b.subsurface_probability;
   b.facet_probability = F(0);
@@ -338,6 +326,7 @@ HELIO_ALWAYS_INLINE KERNEL void set_lobes(BaseOf<F, S>& b, const MaterialValuesO
     const Vec2<F> passing = set_interface(b, m, at);
     share.y += select(glass, passing.x, F(0));
     through = select(glass, passing.y, F(0));
+    if constexpr (S == Features::kAll) b.diffuse_through *= 1 / sqr(index_below(b));
   }
   const F inside = b.subsurface * luminance(m.subsurface_color);
   b.reflectance = share.x + share.y + through + inside;

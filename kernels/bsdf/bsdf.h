@@ -41,12 +41,14 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
   return b;
 }
 
-/// Share of light from wi that comes through the layers. wi: above the surface, local and world
+/// Share of light from wi that comes through the layers: those of the far face, which are the same,
+/// where wi lies below the surface. wi: local and world
 template <class F>
 KERNEL F entering_layers(const LayersOf<F>& l, Vec3<F> wi, Vec3<F> wi_world) {
+  const BoolOf<F> below = wi.z < 0;
   const F coat_cosine =
       either(l.clearcoat > 0, [&] { return F(dot(l.coat.n, wi_world)); }, [] { return F(0); });
-  return layers_transmit(l, coat_cosine, wi.z);
+  return layers_transmit(l, F(select(below, -coat_cosine, coat_cosine)), F(abs(wi.z)));
 }
 
 /// wi   unit, world
@@ -61,10 +63,10 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BsdfValueOf<F> evaluate_bsdf(const BsdfOf
   const LayersOf<F>& l = b.layers;
   out.glossy *= select(layered, l.below, F(1));
   out.pdf *= select(layered, l.base_probability, F(1));
+  if (const auto diffuse = layered & !is_black(out.diffuse); any(diffuse))
+    out.diffuse *= select(diffuse, entering_layers(l, wi, wi_world), F(1));
   const BoolOf<F> above = layered & (side > 0);
   if (!any(above)) return out;
-  if (const auto diffuse = above & !is_black(out.diffuse); any(diffuse))
-    out.diffuse *= select(diffuse, entering_layers(l, wi, wi_world), F(1));
   BsdfValueOf<F> all_layers = out;
   add_layers(l, b, wi, wi_world, all_layers);
   return select(above, all_layers, out);
@@ -133,7 +135,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F, S>&
 /// Where sample_bsdf() looks at u_lobe.
 template <class F, Features S>
 KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F, S>& b) {
-  return is_layered(b) | (b.diffuse_probability < 1);
+  return is_layered(b) | is_translucent(b) | (b.diffuse_probability < 1);
 }
 
 /// Light from inside the body leaves towards wi (unit, world) with this times the cosine / pi.
@@ -150,7 +152,7 @@ template <class F, Features S>
 KERNEL BoolOf<F> scatters(const BsdfOf<F, S>& b) {
   const BoolOf<F> glass = is_glass(b), layered = is_layered(b);
   const BoolOf<F> diffuse = !is_black(b.diffuse), metal = !is_black(b.f0);
-  return glass | layered | diffuse | metal | (b.f90 > 0) | (b.subsurface > 0);
+  return glass | layered | diffuse | metal | is_translucent(b) | (b.f90 > 0) | (b.subsurface > 0);
 }
 
 /// Where lights are worth sampling: something is not a perfect mirror.

@@ -36,7 +36,7 @@ KERNEL BoolOf<F> has_layers(const MaterialValuesOf<F>& m) {
 /// True for a material that scatters no light, as one that only emits.
 KERNEL bool is_black(const MaterialValues& m) {
   return !(m.specular > 0 || m.metallic > 0 || m.transmission > 0 || m.subsurface > 0 ||
-           has_layers(m)) &&
+           m.diffuse_transmission > 0 || has_layers(m)) &&
          is_black(m.base_color);
 }
 
@@ -127,7 +127,9 @@ HELIO_GPU_NOINLINE KERNEL void set_layers(LayersOf<F>& l, BaseOf<F, S>& b, BoolO
   l.below_clearcoat = 1 - clearcoat;
   l.below = layers_transmit(l, l.coat_wo.z, b.wo.z);
   const F average = average_entering(l, b);
-  b.diffuse *= select(layered, l.below * b.average_entering / average, F(1));
+  const F below = select(layered, l.below * b.average_entering / average, F(1));
+  b.diffuse *= below;
+  b.diffuse_through *= below;
   b.average_entering = select(layered, average, b.average_entering);
 
   const F sheen = either(

@@ -84,7 +84,7 @@ KERNEL F rescale_uniform(F u, F length) {
   return min2(max2(u / length, F(0)), F(1 - 0x1p-24f));
 }
 /// Of a word that is not 0.
-KERNEL u32 lowest_bit(u32 bits) {
+KERNEL u32 lowest_bit(u64 bits) {
 #if defined(__CUDA_ARCH__)
   return u32(__ffs(i32(bits))) - 1;
 #else

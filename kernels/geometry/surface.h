@@ -277,7 +277,8 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
 
 /// Material parameters there, with the vertex colours. width: metres of the ray cone, 0: a point.
 HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues material_at(const SceneView& scene,
-                                                                  const Surface& s, u32 wanted,
+                                                                  const Surface& s,
+                                                                  ParameterSet wanted,
                                                                   float width = 0) {
   MaterialValues values = s.material->textured & wanted
                               ? evaluate_material(scene, *s.material, uvs_at(s, width), wanted)

@@ -24,13 +24,26 @@ struct Vertex {
 //   scattered      how much of the light from a direction it sends on along the path
 //   leave_towards  where a ray in that direction starts
 //   cross_towards  what it starts inside of
+//   color_towards  colour of the path's wavelength, where light in that direction is split
 //   first_vertex   what the point does with the light where it is the path's first
 
+/// Colour that light takes on where it crosses the surface: that of the path's wavelength, where
+/// glass splits it first.
+template <Tracer T>
+KERNEL vec3 color_of_crossing(const PathContext<T>& c, const Path& path, const Vertex& v) {
+  if (path.dispersed || !disperses(*v.surface.material, v.material)) return vec3(1);
+  return spectral_at(c.sampler.get1(kWavelengthPair)).color;
+}
 /// Normals of the sides that receive light. A clearcoat may have a normal of its own, but no light
 /// from below the surface.
 template <class F, Features S>
 KERNEL Vec3<F> receiving_normal(const BsdfOf<F, S>& b) {
   return select(is_layered(b), b.ng, b.frame.n);
+}
+/// Whether light from below the surface can pass it.
+template <class F, Features S>
+KERNEL BoolOf<F> receives_below(const BsdfOf<F, S>& b) {
+  return is_glass(b) | is_translucent(b);
 }
 /// Sets Vertex::receiver, but for its surface_share.
 KERNEL void set_receiver(Vertex& v, float time) {
@@ -38,7 +51,7 @@ KERNEL void set_receiver(Vertex& v, float time) {
   Receiver& receiver = v.receiver;
   receiver.p = v.surface.p;
   receiver.n = receiving_normal(b);
-  receiver.facing = b.glass > 0 ? Facing::kBoth : Facing::kFront;
+  receiver.facing = receives_below(b) ? Facing::kBoth : Facing::kFront;
   receiver.time = time;
 }
 /// Density [1/sr] with which choose_direction() takes a direction whose density among the surface's
@@ -70,6 +83,14 @@ KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
 KERNEL vec3 leave_towards(const Vertex& v, vec3 wi) { return offset_point(v.surface, wi); }
 KERNEL void cross_towards(const Vertex& v, vec3 wi, Inside& inside) {
   if (kRich && dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
+}
+template <Tracer T>
+KERNEL vec3 color_towards(const PathContext<T>& c, const Path& path, const Vertex& v, vec3 wi) {
+  return dot(v.bsdf.ng, wi) < 0 ? color_of_crossing(c, path, v) : vec3(1);
+}
+template <Tracer T, class Point>
+KERNEL vec3 color_towards(const PathContext<T>&, const Path&, const Point&, vec3) {
+  return vec3(1);
 }
 KERNEL FirstVertex first_vertex(const Vertex& v, vec3 wi) {
   return dot(v.bsdf.ng, wi) < 0 ? FirstVertex::kTransmits : FirstVertex::kReflects;
@@ -178,8 +199,9 @@ KERNEL void send_taken(const PathContext<T>& c, const Path& path, const Point& a
   sent.ray.t_max = taken.ray.end;
   sent.ray.time = c.time;
   sent.ray.holes = hole_key(c, kShadowHoleHash + path.edges);
+  const vec3 color = color_towards(c, path, at, light.direction);
   sent.light.radiance =
-      path.throughput * taken.total * light_radiance(c.scene, light) * taken.weight;
+      path.throughput * color * taken.total * light_radiance(c.scene, light) * taken.weight;
   sent.light.edges = path.edges + 1;
   sent.light.environment = light.light == kNone;
   sent.light.group = light_group(c.scene, light);

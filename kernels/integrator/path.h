@@ -7,10 +7,19 @@
 
 #include "kernels/integrator/catcher.h"
 #include "kernels/integrator/first_ray.h"
+#include "kernels/integrator/miss.h"
 #include "kernels/integrator/path_volume.h"
 #include "kernels/integrator/subsurface.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Gives what a path starts inside of the index of the path's wavelength.
+template <Tracer T>
+KERNEL void disperse(const PathContext<T>& c, Inside::Layer& layer) {
+  const float dispersion = layer.material->constant.dispersion;
+  if (dispersion > 0)
+    layer.ior = dispersed_ior(layer.ior, dispersion, c.sampler.get1(kWavelengthPair));
+}
 
 /// A path that sets out with a camera's ray.
 template <Tracer T>
@@ -24,55 +33,16 @@ KERNEL Path path_along(const PathContext<T>& c, const Ray& ray, SampleValues& sa
   path.edges = 1;
   path.guided = (c.film.wanted & kGuidePlaneSet) == 0;
   path.blurred = false;
+  path.dispersed = false;
   path.cone = pixel_cone(c.camera);
   path.route = {vec3(0), FirstVertex::kReflects};
   path.passed = 0;
   path.boundaries = 0;
-  if (has_media(c.scene)) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
+  if (has_media(c.scene)) {
+    path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
+    for (u32 i = 0; i < path.inside.depth; ++i) disperse(c, path.inside.layers[i]);
+  }
   return path;
-}
-
-/// Radiance of the dome where the path leaves the scene, weighted.
-///
-/// place   of the path's direction if it is known; else null
-KERNEL vec3 met_dome(const SceneView& scene, const Path& path, const DomePlace* place) {
-  const DomeView& dome = scene.dome;
-  if (is_black(dome.radiance) || (path.edges == 1 && !dome.camera_visible)) return vec3(0);
-  DomePlace at{vec2(0), 0};
-  if (dome.texture != kNone) at = place ? *place : dome_place(dome, path.ray.direction);
-  float weight = 1;
-  if (path.pdf > 0 && dome.probability > 0) {
-    const float pdf = dome_pdf(dome, receiver_of(path), path.ray.direction, at);
-    weight = mis_weight(path.pdf, sky_share(receiver_of(path)) * pdf);
-  }
-  return dome_radiance(scene, at.uv) * weight;
-}
-
-/// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
-KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
-  if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction, path.ray.time))
-    return vec3(0);
-  if (path.pdf <= 0) return sun.radiance;
-  if (!shows_to_all(sun.visibility)) return vec3(0);
-  return sun.radiance * mis_weight(path.pdf, sky_share(receiver_of(path)) * sun_pdf(sun));
-}
-
-/// The path leaves the scene.
-template <Tracer T>
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void miss(const PathContext<T>& c, const Path& path,
-                                                 const DomePlace* place, SampleValues& sample) {
-  if (path.edges == 1 && c.settings.transparent_background) {
-    const vec3 held = vec3(1) - path.throughput;  // by media on the way; exactly 0 without
-    sample.alpha = (held.x + held.y + held.z) / 3;
-    return;
-  }
-  const auto add = [&](vec3 radiance, u32 group) {
-    collect(c, sample, {path.throughput * radiance, path.edges, true, group}, path.route);
-  };
-  add(met_dome(c.scene, path, place), c.scene.dome.light_group);
-  for (u32 i = 0; i < c.scene.sun_count; ++i) {
-    add(met_sun(c.scene.suns[i], path), c.scene.suns[i].light_group);
-  }
 }
 
 /// Weight of light that the path met by itself where sample_light could have found it too.
@@ -95,6 +65,8 @@ HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path,
   path.cone.width += path.cone.spread * hit.t;
   new (&v.material) MaterialValues(material_at(c.scene, s, ~kAlphaBit, path.cone.width));
   if (path.blurred && c.settings.regularize) regularize(v.material);
+  if (kRich && disperses(*s.material, v.material))
+    v.material.ior = dispersed_ior(v.material, c.sampler.get1(kWavelengthPair));
   v.boundary = boundary_at(c.scene, path.inside, s, path.ray.direction);
   if (v.boundary.meeting == Meeting::kAbsent) return;
   const vec3 emission = emitted(c.scene, s, v.material, -path.ray.direction);
@@ -117,7 +89,7 @@ KERNEL BoolOf<F> set_scattering(const SceneView& scene, const MaterialValuesOf<F
   const BoolOf<F> any_light = scatters(b);
   casters.count = 0;
   casters.probability = F(0);
-  looks = looks & any_light & (b.diffuse_probability > 0);
+  looks = looks & any_light & (above_probability(b) > 0);
   if (any(looks)) {
     gather_caustic_targets(casters, scene, p, b.frame.n);
     casters.probability = select(looks, casters.probability, F(0));
@@ -153,7 +125,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> mix_casters(const BsdfOf<F, S>&
   if (any(aimed)) {
     const CasterDirectionOf<F> to = sample_casters(casters, choice, u);
     const BsdfValueOf<F> f = evaluate_bsdf(b, to.wi);
-    const F diffuse = b.diffuse_probability * dot(b.frame.n, to.wi) * kInvPi;
+    const F diffuse = above_probability(b) * dot(b.frame.n, to.wi) * kInvPi;
     const F scale = 1 / f.pdf;
     const BsdfSampleOf<F> towards{to.wi,
                                   (f.diffuse + f.glossy) * scale,
@@ -210,9 +182,15 @@ KERNEL DirectionOf<F> choose_direction(const BsdfOf<F, S>& b, const CasterConesO
   return to;
 }
 
+/// An albedo seen along the path. One that carries a single wavelength sees no hue.
+KERNEL vec3 guide_albedo(const Path& path, vec3 albedo) {
+  vec3 seen = path.throughput * albedo * path.radiance_scale;
+  if (kRich && path.dispersed) seen = vec3((seen.x + seen.y + seen.z) / 3);
+  return glm::min(seen, vec3(1));
+}
 /// Denoising guides, at the first vertex that is not a perfect mirror.
 KERNEL void record_guides(Path& path, vec3 weight, vec3 normal, SampleValues& sample) {
-  sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
+  sample.albedo = guide_albedo(path, weight);
   sample.normal = normal;
   path.guided = true;
 }
@@ -220,7 +198,7 @@ KERNEL void record_guides(Path& path, vec3 weight, vec3 normal, SampleValues& sa
 KERNEL void record_guides(const Path& path, const Vertex& v, SampleValues& sample) {
   if (path.guided) return;
   const Surface& s = v.surface;
-  sample.albedo = path.throughput * path.radiance_scale * glm::min(v.emission, vec3(1));
+  sample.albedo = guide_albedo(path, glm::min(v.emission, vec3(1)));
   sample.normal = dot(path.ray.direction, s.ng) <= 0 ? s.ns : -s.ns;
 }
 
@@ -236,15 +214,19 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
   if (kRich && s.lobe == Lobe::kSubsurface) {
     return scatter_inside(c, path, v, sample) && path.edges <= c.settings.max_depth;
   }
-  const bool transmitted = s.lobe == Lobe::kTransmission;
+  const bool diffuse = s.lobe == Lobe::kDiffuse || s.lobe == Lobe::kDiffuseTransmission;
+  const bool transmitted =
+      s.lobe == Lobe::kTransmission || (kRich && s.lobe == Lobe::kDiffuseTransmission);
+  if (kRich && transmitted && disperses(*v.surface.material, v.material)) {
+    path.throughput *= color_of_crossing(c, path, v);
+    path.dispersed = true;
+  }
   if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
     path.route = {share_of(s.diffuse, s.weight),
                   transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
   }
   if (transmitted && has_media(c.scene)) cross_surface(path.inside, v.surface, v.material, s.wi);
-  const u32 mask = s.lobe == Lobe::kDiffuse ? kDiffuseRay
-                   : transmitted            ? kTransmissionRay
-                                            : kGlossyRay;
+  const u32 mask = diffuse ? kDiffuseRay : transmitted ? kTransmissionRay : kGlossyRay;
   go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, to.spread, mask, v.receiver});
   return path.edges <= c.settings.max_depth;
 }
@@ -370,7 +352,8 @@ HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const
   }
   if (path.edges == 1 && wants_rich(c.film, plane_bit(Plane::DIFFUSE_COLOR))) {
     const MaterialValues& m = v.material;
-    sample.diffuse_color = m.base_color * ((1 - m.metallic) * (1 - m.transmission));
+    sample.diffuse_color =
+        m.base_color * ((1 - m.metallic) * (1 - m.transmission) * (1 - m.diffuse_transmission));
   }
   if (is_last(c, path) && path.guided) return Met::kEnd;
   if (!v.surface.material->unlit && !is_black(v.material)) return Met::kSurface;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/bsdf/blur.h"
+#include "kernels/bsdf/dispersion.h"
 #include "kernels/core/sampler.h"
 #include "kernels/integrator/sample.h"
 #include "kernels/light/light.h"
@@ -12,13 +13,14 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Pairs of random numbers that a path takes: the filter, the time, the lens, then these at every
-/// vertex; and those of flights through media.
+/// Pairs of random numbers that a path takes: the filter, the time, the lens, the wavelength, then
+/// these at every vertex; and those of flights through media.
 enum Dimension : u32 {
   kFilterPair = 0,
   kFirstVertexPair = 1,
   kTimePair = 1u << 24,
   kLensPair = kTimePair + 1,
+  kWavelengthPair = kTimePair + 2,
   kFirstFlightPair = 1u << 25
 };
 enum VertexDimension : u32 {
@@ -59,6 +61,7 @@ struct alignas(16) PathRay {
   Facing from_facing;   // of the receiver
   u8 guided : 1;        // the guides are recorded
   u8 blurred : 1;       // it has scattered, and not by a perfect mirror or window alone
+  u8 dispersed : 1;     // it carries the colour of its wavelength
 };
 
 /// What a path has beside its ray, its route and what it is inside of.

@@ -5,9 +5,9 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-inline constexpr u32 kEmissionBits =
-    1u << u32(ParameterBit::emission) | 1u << u32(ParameterBit::emission_strength);
-inline constexpr u32 kAlphaBit = 1u << u32(ParameterBit::alpha);
+inline constexpr ParameterSet kEmissionBits =
+    parameters(ParameterBit::emission, ParameterBit::emission_strength);
+inline constexpr ParameterSet kAlphaBit = parameters(ParameterBit::alpha);
 
 /// Texture coordinates of a point: both sets, zero where the mesh has none.
 struct Uvs {
@@ -79,11 +79,11 @@ KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
 /// others keep their constants. Emission and alpha are those of the point: lights and holes are
 /// sampled so.
 HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues evaluate_material(
-    const SceneView& scene, const MaterialView& material, const Uvs& uvs, u32 wanted) {
+    const SceneView& scene, const MaterialView& material, const Uvs& uvs, ParameterSet wanted) {
   MaterialValues values = material.constant;
   if ((material.textured & wanted) == 0) return values;
   u32 use = material.first_use;
-  for (u32 left = material.textured; left != 0; left &= left - 1) {
+  for (ParameterSet left = material.textured; left != 0; left &= left - 1) {
     const u32 i = lowest_bit(left);
     const TextureUseView& view = scene.texture_uses[use++];
     if (!(wanted >> i & 1)) continue;
@@ -107,25 +107,27 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues evaluate_material(
 /// Whether there may be a medium inside surfaces of a material.
 KERNEL bool may_fill(const MaterialView& material) {
   const MaterialValues& m = material.constant;
-  return !material.thin_walled && m.transmission > 0 &&
+  return !material.thin_walled && (m.transmission > 0 || m.diffuse_transmission > 0) &&
          (m.attenuation_distance > 0 || !is_black(m.medium_density));
 }
 
 /// Whether a material is the boundary of a medium and nothing else: of index 1, smooth and clear.
 /// Light passes it straight on, also on its way from a light.
 KERNEL bool is_passable(const MaterialView& material) {
-  constexpr u32 kDecisive = 1u << u32(ParameterBit::ior) | 1u << u32(ParameterBit::roughness) |
-                            1u << u32(ParameterBit::transmission) |
-                            1u << u32(ParameterBit::transmission_roughness);
+  constexpr ParameterSet kDecisive =
+      parameters(ParameterBit::ior, ParameterBit::roughness, ParameterBit::transmission,
+                 ParameterBit::transmission_roughness);
   const MaterialValues& m = material.constant;
   return !material.thin_walled && !material.unlit && (material.textured & kDecisive) == 0 &&
          m.ior == 1 && m.roughness == 0 && m.transmission == 1 && m.transmission_roughness == 0 &&
          m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0 && m.iridescence == 0;
 }
 
-/// Whether there is a body behind surfaces of a material, which light can enter.
+/// Whether there is a body behind surfaces of a material, which light can enter. A sheet of paper
+/// that nobody called thin-walled has none.
 KERNEL bool is_body(const MaterialView& material) {
-  return !material.thin_walled && !material.unlit && material.constant.transmission > 0;
+  return !material.thin_walled && !material.unlit &&
+         (material.constant.transmission > 0 || may_fill(material));
 }
 
 /// Microfacets with less than this alpha are a perfect mirror.
@@ -135,12 +137,13 @@ inline constexpr float kDeltaAlpha = 1e-3f;
 enum class Features : u8 {
   kOpaque,  // coat and metal under microfacets
   kGlass,   // perfect mirrors, and glass whose microfacets reflect or refract
-  kAll      // layers, films, bodies, stretched highlights, what light passes apart
+  kAll      // layers, films, bodies, stretched highlights, dispersion, what light passes apart
 };
 KERNEL Features features_of(const MaterialValues& m, bool thin_walled) {
   const bool apart = m.transmission > 0 && (thin_walled || m.transmission_roughness > 0);
+  const bool disperses = m.transmission > 0 && m.dispersion > 0;
   if (m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
-      m.anisotropic > 0 || apart) {
+      m.anisotropic > 0 || m.diffuse_transmission > 0 || apart || disperses) {
     return Features::kAll;
   }
   const bool mirror = (m.specular > 0 || m.metallic > 0) && sqr(m.roughness) < kDeltaAlpha;

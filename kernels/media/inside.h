@@ -142,7 +142,7 @@ HELIO_GPU_NOINLINE KERNEL void enter(Inside& inside, const Surface& s, const Mat
 /// Light crosses a surface in a direction.
 KERNEL void cross_surface(Inside& inside, const Surface& s, const MaterialValues& m,
                           vec3 direction) {
-  if (s.material->thin_walled) return;
+  if (!is_body(*s.material)) return;
   if (dot(direction, s.ng) >= 0) {
     leave(inside, s);
   } else {
@@ -199,11 +199,11 @@ HELIO_RARE KERNEL Inside inside_at(const SceneView& scene, const T& tracer, Ray 
     if (hit.instance == kNone) break;
     const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
     ray.origin = offset_point(s, ray.direction);
-    if (!(s.material->constant.transmission > 0)) continue;
+    if (!is_body(*s.material)) continue;
     const MaterialValues m = material_at(scene, s, ~kAlphaBit);
     if (dot(ray.direction, s.ng) < 0) {
       cross_surface(entered, s, m, ray.direction);
-    } else if (!s.material->thin_walled && !leave(entered, s)) {
+    } else if (!leave(entered, s)) {
       enter(found, s, m, false);  // what is left first is the innermost
     }
   }

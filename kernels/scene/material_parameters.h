@@ -33,7 +33,10 @@
   X(medium_anisotropy, 1, 0, -0.99f, 0.99f) \
   X(iridescence, 1, 0, 0, 1)                \
   X(iridescence_ior, 1, 1.3f, 1, 4)         \
-  X(iridescence_thickness, 1, 400, 0, 1e4f)
+  X(iridescence_thickness, 1, 400, 0, 1e4f) \
+  X(diffuse_transmission, 1, 0, 0, 1)       \
+  X(diffuse_transmission_color, 3, 1, 0, 1) \
+  X(dispersion, 1, 0, 0, 100)
 
 #define HELIO_NORMAL_MAPS(X) \
   X(normal_map)              \

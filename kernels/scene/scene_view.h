@@ -59,19 +59,26 @@ struct MaterialValuesOf {
 };
 using MaterialValues = MaterialValuesOf<float>;
 
+/// Bits of ParameterBit.
+using ParameterSet = u64;
 enum class ParameterBit : u32 {
 #define HELIO_PARAMETER(name, ...) name,
   HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
 #undef HELIO_PARAMETER
       kCount
 };
+static_assert(u32(ParameterBit::kCount) <= 8 * sizeof(ParameterSet));
+template <class... Bits>
+constexpr ParameterSet parameters(Bits... bits) {
+  return (... | (ParameterSet(1) << u32(bits)));
+}
 
 enum class AlphaMode : u8 { kOpaque, kMask, kBlend };
 
 struct MaterialView {
   MaterialValues constant;
-  u32 textured;   // bit i: parameter i has a texture; its uses follow each other in bit order
-  u32 first_use;  // index into SceneView::texture_uses
+  ParameterSet textured;  // parameters that have a texture; their uses follow each other in order
+  u32 first_use;          // index into SceneView::texture_uses
 #define HELIO_MAP(name) TextureUseView name;
   HELIO_NORMAL_MAPS(HELIO_MAP)
 #undef HELIO_MAP

@@ -247,7 +247,7 @@ class Lockstep {
     const u32 scatter_bits = bits_of(scattering);
     const Mask lit =
         has_lights(scene_) ? scattering & !lanes.is_last & has_smooth_lobe(bsdf) : Mask(false);
-    const LitPointOf<Floats> point{lanes.p, receiving_normal(bsdf), is_glass(bsdf), false};
+    const LitPointOf<Floats> point{lanes.p, receiving_normal(bsdf), receives_below(bsdf), false};
     const Floats surfaces = surface_share(scene_, point);
     for (u32 i = 0; i < lanes.count; ++i) {
       Vertex& v = *lanes.vertices[i];

@@ -42,7 +42,9 @@ KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
   X(clearcoat_roughness)          \
   X(iridescence)                  \
   X(iridescence_ior)              \
-  X(iridescence_thickness)
+  X(iridescence_thickness)        \
+  X(diffuse_transmission)         \
+  X(diffuse_transmission_color)
 
 /// Paths at surfaces, fewer than kLanes or so many. Lanes that hold none are computed, too: they
 /// begin as zeros, and then hold those of others.
@@ -123,11 +125,13 @@ KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
   to.ng = get(b.ng, i);
   to.glass = 0;
   to.layered = false;
+  to.diffuse_through_share = 0;
   if constexpr (S == Features::kOpaque) return;
   to.frame.s = get(b.frame.s, i);
   to.frame.t = get(b.frame.t, i);
   to.glass = get(b.glass, i);
   to.layered = get(b.layered, i);
+  if constexpr (S == Features::kAll) to.diffuse_through_share = get(b.diffuse_through_share, i);
 }
 
 /// Light that is sampled for each lane: as light.h has it, and what take_light() takes of it.

@@ -33,8 +33,7 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
   for (u32 p = 0; p < kMaterialParameters; ++p) {
     const TextureUse& use = material.parameters[p].texture;
     if (!snapshot.find(use.texture)) continue;
-    static_assert(u32(kernels::ParameterBit::kCount) <= 8 * sizeof view.textured);
-    view.textured |= 1u << p;
+    view.textured |= kernels::parameters(p);
     uses.push_back(resident::view_of(snapshot, use));
   }
 #define HELIO_MAP(name) view.name = resident::view_of(snapshot, material.name);

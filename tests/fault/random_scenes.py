@@ -48,6 +48,7 @@ class Random:
             "medium_density": self.one_of(0.0, 0.0, self.power(-6, 6)),
             "emission": self.one_of(0.0, 0.0, self.power(-9, 9)),
             "iridescence_thickness": self.power(-3, 4),
+            "dispersion": self.one_of(0.0, 0.0, self.power(-3, 2)),
             "thin_walled": bool(self.rng.integers(2)),
             "priority": int(self.rng.integers(-2, 3)),
             **{
@@ -55,6 +56,7 @@ class Random:
                 for name in (
                     "metallic",
                     "transmission",
+                    "diffuse_transmission",
                     "transmission_roughness",
                     "clearcoat",
                     "clearcoat_roughness",

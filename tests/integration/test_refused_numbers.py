@@ -92,6 +92,8 @@ NUMBERS = {
             "iridescence",
             "iridescence_ior",
             "iridescence_thickness",
+            "diffuse_transmission",
+            "dispersion",
             "priority",
         )
     },

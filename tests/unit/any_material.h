@@ -33,6 +33,9 @@ inline MaterialView any_material(Random& random) {
   v.subsurface = some(0.3f);
   v.subsurface_color = color();
   v.subsurface_radius = 0.2f * color();
+  v.diffuse_transmission = some(0.3f);
+  v.diffuse_transmission_color = color();
+  v.dispersion = some(0.2f);
   m.thin_walled = random.next() < 0.2f;
   return m;
 }

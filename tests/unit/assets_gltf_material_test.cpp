@@ -207,6 +207,25 @@ TEST_CASE("gltf: a thin film, its texture mixes the two thicknesses") {
   }
 }
 
+TEST_CASE("gltf: diffuse transmission is a sheet's unless it has a volume; dispersion") {
+  const std::string leaf =
+      R"("KHR_materials_diffuse_transmission":{"diffuseTransmissionFactor":0.7,)"
+      R"("diffuseTransmissionColorFactor":[0.1,0.2,0.3],"diffuseTransmissionTexture":{"index":0},)"
+      R"("diffuseTransmissionColorTexture":{"index":0}})";
+  const PutMaterial sheet = material_of(R"("extensions":{)" + leaf + "}");
+  CHECK(parameter(sheet, diffuse_transmission).value->x == Approx(0.7));
+  CHECK(*parameter(sheet, diffuse_transmission_color).value == vec3(0.1f, 0.2f, 0.3f));
+  CHECK(parameter(sheet, diffuse_transmission_color).texture);
+  CHECK(*sheet.thin_walled);
+  const PutMaterial wax =
+      material_of(R"("extensions":{"KHR_materials_volume":{"thicknessFactor":1,)"
+                  R"("attenuationDistance":0.5},"KHR_materials_dispersion":{"dispersion":0.33},)" +
+                  leaf + "}");
+  CHECK_FALSE(*wax.thin_walled);
+  CHECK(parameter(wax, attenuation_distance).value->x == 0.5f);
+  CHECK(parameter(wax, dispersion).value->x == 0.33f);
+}
+
 TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
   const PutMaterial material = material_of(
       R"("extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.2,0.3,0.4,1],)"
@@ -222,18 +241,17 @@ TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
 }
 
 TEST_CASE("gltf: what is left out or clamped says so") {
-  const auto loaded =
-      load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
-                    R"(,"extensionsUsed":["KHR_materials_dispersion","KHR_xmp_json_ld"])");
+  const auto loaded = load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
+                                    R"(,"extensionsUsed":["EXT_texture_avif","KHR_xmp_json_ld"])");
   REQUIRE(loaded);
   CHECK(parameter(library_item<PutMaterial>(*loaded), roughness).value->x == 1);
   REQUIRE(loaded->warnings.size() == 2);
-  CHECK_THAT(loaded->warnings[0], Contains("KHR_materials_dispersion"));
+  CHECK_THAT(loaded->warnings[0], Contains("EXT_texture_avif"));
   const auto required = [](const std::string& name) {
     return refusal(load_material("", R"(,"extensionsRequired":[")" + name + "\"]"));
   };
-  for (const char* name : {"KHR_materials_dispersion", "KHR_materials_diffuse_transmission",
-                           "EXT_texture_avif", "MSFT_texture_dds"}) {
+  for (const char* name :
+       {"KHR_materials_volume_scatter", "EXT_texture_avif", "MSFT_texture_dds"}) {
     CHECK_THAT(required(name), Contains("12 ") && Contains(name));
   }
 }

@@ -49,6 +49,9 @@ PutMaterial everything() {
   set(iridescence, vec3(0.8f));
   set(iridescence_ior, vec3(1.8f));
   set(iridescence_thickness, vec3(300));
+  set(diffuse_transmission, vec3(0.4f));
+  set(diffuse_transmission_color, {0.3f, 0.9f, 0.6f});
+  set(dispersion, vec3(2));
   m.alpha_mode = AlphaMode::kBlend;
   return m;
 }

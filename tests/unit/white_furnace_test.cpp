@@ -40,6 +40,7 @@ Config white(Random& random) {
   m.iridescence = sometimes(random);
   m.iridescence_ior = 1 + 2 * random.next();
   m.iridescence_thickness = 1000 * random.next();
+  m.diffuse_transmission = sometimes(random);
   return c;
 }
 
@@ -48,8 +49,10 @@ std::vector<double> lobe_ends(const Bsdf& b) {
   const double base = b.layered ? double(b.layers.base_probability) : 1;
   const double clearcoat = b.layered ? double(b.layers.clearcoat_probability) : 0;
   std::vector<double> ends{0};
-  for (const double p : {base * double(b.diffuse_probability), base * double(b.facet_probability),
-                         base * double(through_probability(b)), clearcoat, 1 - base - clearcoat}) {
+  const double above = double(above_probability(b));
+  for (const double p : {base * above, base * (double(b.diffuse_probability) - above),
+                         base * double(b.facet_probability), base * double(through_probability(b)),
+                         clearcoat, 1 - base - clearcoat}) {
     if (p > 1e-7) ends.push_back(ends.back() + p);
   }
   return ends;
@@ -122,7 +125,8 @@ void check_whole_disc(int count, bool inside) {
     CAPTURE(inside, m.metallic, m.roughness, m.specular, m.transmission, m.ior,
             m.transmission_roughness, m.anisotropic, m.sheen, m.sheen_roughness, m.clearcoat,
             m.clearcoat_roughness, m.iridescence, m.iridescence_ior, m.iridescence_thickness,
-            c.thin_walled, disc.error, disc.albedo.x, disc.albedo.y, disc.albedo.z);
+            m.diffuse_transmission, c.thin_walled, disc.error, disc.albedo.x, disc.albedo.y,
+            disc.albedo.z);
     CHECK(double(max_component(disc.albedo)) < 1 + kAbove + 4 * disc.error);
     CHECK(double(min_component(disc.albedo)) > 0.99 - 4 * disc.error);
   }

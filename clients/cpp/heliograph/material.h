@@ -101,6 +101,13 @@ class Parameters {
   Parameters& iridescence_thickness(const ScalarParameter& v) {
     return set("iridescence_thickness", v);
   }
+  Parameters& diffuse_transmission(const ScalarParameter& v) {
+    return set("diffuse_transmission", v);
+  }
+  Parameters& diffuse_transmission_color(const ColorParameter& v) {
+    return set("diffuse_transmission_color", v);
+  }
+  Parameters& dispersion(const ScalarParameter& v) { return set("dispersion", v); }
 
   /// A parameter by its name goes back to its default.
   Parameters& reset(const std::string& name);

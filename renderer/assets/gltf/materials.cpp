@@ -141,6 +141,9 @@ class Reader {
       set_texture(transmission, *transmitting, "transmissionTexture", false, 0);
       volume();
     }
+    if (const auto leaf = value_.extension("KHR_materials_diffuse_transmission")) passing(*leaf);
+    if (const auto split = value_.extension("KHR_materials_dispersion"))
+      set(dispersion, *split, "dispersion", 0);
     if (const auto coat = value_.extension("KHR_materials_clearcoat")) clearcoating(*coat);
     if (const auto cloth = value_.extension("KHR_materials_sheen")) sheen_of(*cloth);
     if (const auto brushed = value_.extension("KHR_materials_anisotropy"))
@@ -169,6 +172,14 @@ class Reader {
   }
   static constexpr double kFarthest = 1e9;     // of attenuation_distance, metres
   static constexpr float kLeastSheen = 0.25f;  // of the model, see docs/materials.md
+
+  void passing(const Value& leaf) {
+    set(diffuse_transmission, leaf, "diffuseTransmissionFactor", 0);
+    set_texture(diffuse_transmission, leaf, "diffuseTransmissionTexture", false, 3);
+    set(diffuse_transmission_color, leaf.numbers("diffuseTransmissionColorFactor", vec3(1)));
+    set_texture(diffuse_transmission_color, leaf, "diffuseTransmissionColorTexture", true, 0);
+    volume();
+  }
 
   void clearcoating(const Value& coat) {
     set(clearcoat, coat, "clearcoatFactor", 0);

@@ -17,7 +17,7 @@ _DEFAULTS: dict[str, float] = {
     **{"emission_strength": 1.0, "alpha": 1.0, "sheen_color": 1.0, "sheen_roughness": 0.5},
     **{"clearcoat_roughness": 0.03, "iridescence_ior": 1.3, "iridescence_thickness": 400.0},
     **{"attenuation_color": 1.0, "subsurface_radius": 0.01, "subsurface_color": 0.8},
-    "medium_albedo": 1.0,
+    **{"medium_albedo": 1.0, "diffuse_transmission_color": 1.0},
 }
 MAPS = ("normal_map", "bump_map", "clearcoat_normal_map")
 _SRGB_KNEE = 0.04045

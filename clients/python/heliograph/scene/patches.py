@@ -64,6 +64,9 @@ class Parameters(TypedDict, total=False):
     specular_color: Any  #: >= 0
     ior: Any  #: [1, 4]
     transmission: Any  #: [0, 1]
+    dispersion: Any  #: 20 over the Abbe number
+    diffuse_transmission: Any  #: [0, 1]: of leaves and paper
+    diffuse_transmission_color: Any
     emission: Any  #: >= 0: its colour
     emission_strength: Any  #: W sr^-1 m^-2
     alpha: Any  #: [0, 1]: opacity, as alpha_mode says

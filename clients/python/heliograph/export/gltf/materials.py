@@ -188,14 +188,29 @@ class _Writer:
         return not (self.look["transmission"].is_zero or self.look.thin_walled)
 
     def _transmission(self, thickness: float) -> None:
-        if self.look["transmission"].is_zero:
-            return
+        look = self.look
+        if not look["transmission"].is_zero:
+            out: dict[str, Any] = {}
+            parts = {"r": look["transmission"]}
+            self._put(out, "transmissionTexture transmissionFactor", parts)
+            self._extension("KHR_materials_transmission", **out)
+        if not look["diffuse_transmission"].is_zero:
+            self._diffuse_transmission()
+        passes = not (look["transmission"].is_zero and look["diffuse_transmission"].is_zero)
+        if passes and not look.thin_walled:
+            self._volume(thickness)
+        if not look["dispersion"].is_zero:
+            self._extension("KHR_materials_dispersion", dispersion=self._constant("dispersion"))
+
+    def _diffuse_transmission(self) -> None:
         out: dict[str, Any] = {}
-        parts = {"r": self.look["transmission"]}
-        self._put(out, "transmissionTexture transmissionFactor", parts)
-        self._extension("KHR_materials_transmission", **out)
-        if self.look.thin_walled:
-            return
+        name = "diffuseTransmission"
+        weight, color = self.look["diffuse_transmission"], self.look["diffuse_transmission_color"]
+        self._put(out, f"{name}Texture {name}Factor", {"a": weight})
+        self._put(out, f"{name}ColorTexture {name}ColorFactor", {"rgb": color}, srgb=True)
+        self._extension("KHR_materials_diffuse_transmission", **out)
+
+    def _volume(self, thickness: float) -> None:
         inside: dict[str, Any] = {"thicknessFactor": max(thickness, 1e-6)}
         distance = self._constant("attenuation_distance")
         if distance > 0:

@@ -26,6 +26,7 @@ _FAINT = 0.1  # opacity of glass, so that programs that show no reflection of it
 # Parameters that UsdPreviewSurface has none for, besides the subsurface.
 _LEFT_OUT = (
     *("sheen", "anisotropic", "iridescence", "medium_density", "transmission_roughness"),
+    *("diffuse_transmission", "dispersion"),
     *("specular_tint", "attenuation_distance", "subsurface"),
 )
 
