@@ -1,10 +1,12 @@
 """Models beside other programs that read them: which of them load each file, how many triangles it
 has, their area and box, its textures' mean colours, its joints, cameras and lights.
 
-usage: models.py [--trimesh PYTHON] [--blender PYTHON] [--assimp PYTHON] [--explained FILE]
-       FILE_OR_FOLDER...
+usage: models.py [--trimesh PYTHON] [--blender PYTHON] [--assimp PYTHON] [--validator COMMAND]
+       [--explained FILE] FILE_OR_FOLDER...
 Run with .venv/bin/python. PYTHON is one with trimesh (and pillow, networkx, scipy,
-charset_normalizer, pycollada), with bpy, or with assimp_py. HELIOGRAPHD names the daemon.
+charset_normalizer, pycollada), with bpy, or with assimp_py. COMMAND prints the Khronos validator's
+report of a glTF, as "gltf_validator -o" does; "-" takes only reports that lie beside the files.
+HELIOGRAPHD names the daemon.
 
 A line for each difference, "file: reader: what: ours / theirs", then the counts. --explained: lines
 of "reader file-pattern what: reason", where reader and what may be *, take differences out of those
@@ -37,6 +39,7 @@ def arguments():
     parser.add_argument("--trimesh", help="a Python with trimesh")
     parser.add_argument("--blender", help="a Python with bpy")
     parser.add_argument("--assimp", help="a Python with assimp_py")
+    parser.add_argument("--validator", help="a command, or -")
     parser.add_argument("--explained", type=pathlib.Path)
     parser.add_argument("--seconds", type=float, default=60.0)
     return parser.parse_args()
@@ -47,6 +50,9 @@ def main():
     ours = Reader("heliograph", sys.executable, given.seconds)
     pythons = {name: getattr(given, name) for name in ("trimesh", "blender", "assimp")}
     others = [Reader(name, python, given.seconds) for name, python in pythons.items() if python]
+    if given.validator:
+        command = [] if given.validator == "-" else given.validator.split()
+        others.append(Reader("validator", sys.executable, given.seconds, command))
     explained = explanations(given.explained)
     counts, reasons = collections.Counter(), collections.Counter()
     for path in files(given.places):
@@ -83,9 +89,9 @@ def files(places):
 class Reader:
     """A program of readers/, which runs in a Python that has its packages."""
 
-    def __init__(self, name, python, seconds):
+    def __init__(self, name, python, seconds, arguments=()):
         self.name, self.seconds = name, seconds
-        self.command = [python, str(READERS / f"{name}_reader.py")]
+        self.command = [python, str(READERS / f"{name}_reader.py"), *arguments]
         self.process = None
 
     def read(self, path):
@@ -130,6 +136,8 @@ def compared(ours, theirs):
         if ("refusal" in ours) != ("refusal" in theirs):
             shown = [facts.get("refusal", "loads") for facts in (ours, theirs)]
             yield "loads", " / ".join(shown)
+        return
+    if "area" not in theirs:
         return
     for what in COUNTS:
         if theirs.get(what) is not None and ours[what] != theirs[what]:
