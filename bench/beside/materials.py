@@ -284,12 +284,35 @@ def _diffuse() -> Row:
     )
 
 
+def _translucent() -> Row:
+    return Row(
+        "translucent",
+        {
+            "base_color": 0,
+            "specular": 0,
+            "diffuse_transmission": 1,
+            "diffuse_transmission_color": RED,
+            "thin_walled": True,
+        },
+        {
+            "type": "principledthin",
+            "base_color": rgb(*RED),
+            "diff_trans": 2.0,
+            "roughness": 0.5,
+        },
+        node("BsdfTranslucent", Color=(*RED, 1)),
+        CLEAR,
+        "Mitsuba: Burley's diffuse, darker at the rim",
+    )
+
+
 ROWS = (
     _diffuse(),
     *(_glass(r, 1.5, (*CLEAR, *PASSAGES)) for r in (0, 0.1, 0.3, 0.5, 0.8)),
     *(_glass(r, ior, ("dome", *PASSAGES)) for ior in (1.33, 2.0) for r in (0.3, 0.8)),
     _tinted_glass(),
     _absorbing(),
+    _translucent(),
     _sheet(0),
     _sheet(0.3),
     *(_metal(r) for r in (0.2, 0.4, 0.6, 0.8)),

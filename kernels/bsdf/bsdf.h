@@ -44,7 +44,7 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
 /// Share of light from wi that comes through the layers: those of the far face, which are the same,
 /// where wi lies below the surface. wi: local and world
 template <class F>
-KERNEL F entering_layers(const LayersOf<F>& l, Vec3<F> wi, Vec3<F> wi_world) {
+HELIO_ALWAYS_INLINE KERNEL F entering_layers(const LayersOf<F>& l, Vec3<F> wi, Vec3<F> wi_world) {
   const BoolOf<F> below = wi.z < 0;
   const F coat_cosine =
       either(l.clearcoat > 0, [&] { return F(dot(l.coat.n, wi_world)); }, [] { return F(0); });
