@@ -28,6 +28,21 @@ struct MeshData {
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
 };
 
+/// Calls a function with every array that has a value for each vertex; some are empty.
+template <class F>
+void for_each_vertex_array(MeshData& mesh, const F& f) {
+  f(mesh.positions);
+  f(mesh.normals);
+  f(mesh.uvs);
+  f(mesh.uvs1);
+  f(mesh.colors);
+  f(mesh.tangents);
+  f(mesh.joints);
+  f(mesh.weights);
+  for (auto& target : mesh.morph_positions) f(target);
+  for (auto& target : mesh.morph_normals) f(target);
+}
+
 /// Hash of a vertex whose members are all of one size. They are loaded as they were stored, one by
 /// one: two at once would wait for both stores, which takes longer than the rest.
 struct VertexHash {
