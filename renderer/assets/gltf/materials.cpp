@@ -244,6 +244,16 @@ void adapt_channels(PutMaterial& put, const Textures& textures) {
   }
 }
 
+/// Whether a normal map or stretched highlights lie along the first texture coordinates. Normal
+/// maps of the second take the tangents of triangles.
+bool wants_tangents(const Reader::Result& read) {
+  const auto is_first = [](const Boxed<TextureUsePatch>& map) {
+    return map && map->use.uv_set == 0;
+  };
+  return is_first(read.put.normal_map) || is_first(read.put.clearcoat_normal_map) ||
+         (read.anisotropy && read.anisotropy->strength > 0);
+}
+
 }  // namespace
 
 Materials load_materials(Document& document, Builder& builder, bool needs_fallback) {
@@ -252,6 +262,8 @@ Materials load_materials(Document& document, Builder& builder, bool needs_fallba
   Materials materials;
   for (const Value& material : document.items("materials"))
     read.push_back(Reader(material, textures, builder).read());
+  for (const Reader::Result& material : read)
+    materials.wants_tangents.push_back(wants_tangents(material));
   std::vector<std::string> names;  // before the textures', which nobody addresses
   for (const Value& material : document.items("materials"))
     names.push_back(

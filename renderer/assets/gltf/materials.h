@@ -7,9 +7,10 @@ namespace heliograph::assets::gltf {
 
 /// What the rest of the loader asks about materials.
 struct Materials {
-  std::vector<Ref> refs;         // by glTF material index
-  Ref fallback;                  // for primitives without a material; may be monostate
-  std::optional<u32> variant{};  // that is shown; see variants.h
+  std::vector<Ref> refs;             // by glTF material index
+  std::vector<bool> wants_tangents;  // by glTF material index: along TEXCOORD_0
+  Ref fallback;                      // for primitives without a material; may be monostate
+  std::optional<u32> variant{};      // that is shown; see variants.h
 };
 
 /// Adds textures, then materials to the library. `needs_fallback`: some primitive names no

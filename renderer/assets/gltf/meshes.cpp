@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <map>
+#include <utility>
 
 #include "renderer/assets/gltf/primitive.h"
 #include "renderer/assets/gltf/shading.h"
 #include "renderer/assets/gltf/variants.h"
+#include "renderer/assets/mikktspace.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -133,8 +135,8 @@ class Loader {
       Budget::check(vertices, builder_.options.limits.vertices, "vertices", primitive.where());
       parts_.push_back(std::move(part));
     }
-    share_tangents();
     drop_unused();
+    make_tangents(surfaces);
   }
 
   /// Empties what parts shared before they got vertices of their own.
@@ -147,14 +149,46 @@ class Loader {
     }
   }
 
-  /// Beside parts with tangents, a part without takes its triangles' own.
-  void share_tangents() {
-    const auto has_tangents = [this](const Part& part) {
-      return !pieces_[part.piece].vertices.tangents.empty();
-    };
-    if (std::ranges::none_of(parts_, has_tangents)) return;
+  /// Makes tangents where a material asks for them. Meshes that joints or morph targets deform keep
+  /// those of their triangles, which follow. Beside parts with tangents all parts have them.
+  void make_tangents(const std::vector<Value>& surfaces) {
+    const auto has_tangents = [](const Piece& piece) { return !piece.vertices.tangents.empty(); };
+    bool any = std::ranges::any_of(pieces_, has_tangents);
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      const MeshData& vertices = pieces_[parts_[i].piece].vertices;
+      const bool deforms = !vertices.joints.empty() || !vertices.morph_positions.empty();
+      any |= !deforms && lacks_tangents(vertices) && wants_tangents(surfaces[i]);
+    }
+    if (!any) return;
+    for (std::size_t i = 0; i < pieces_.size(); ++i)
+      if (lacks_tangents(pieces_[i].vertices)) add_tangents_to(i);
+  }
+
+  static bool lacks_tangents(const MeshData& vertices) {
+    return vertices.tangents.empty() && !vertices.normals.empty() && !vertices.uvs.empty();
+  }
+
+  [[nodiscard]] bool wants_tangents(const Value& primitive) const {
+    const std::size_t count = materials_.wants_tangents.size();
+    return std::ranges::any_of(materials_of(primitive), [&](const Value& material) {
+      return materials_.wants_tangents[material.index(count)];
+    });
+  }
+
+  /// Adds tangents to vertices; parts that share them are one surface.
+  void add_tangents_to(std::size_t piece) {
+    MeshData& mesh = pieces_[piece].vertices;
+    for (const Part& part : parts_) {
+      if (part.piece == piece)
+        mesh.triangles.insert(mesh.triangles.end(), part.triangles.begin(), part.triangles.end());
+    }
+    add_tangents(mesh, builder_.budget);
+    const std::vector<uvec3> split = std::exchange(mesh.triangles, {});
+    auto next = split.begin();
     for (Part& part : parts_) {
-      if (!has_tangents(part)) unshare(part, with_own_tangents);
+      if (part.piece != piece) continue;
+      std::copy_n(next, part.triangles.size(), part.triangles.begin());
+      next += std::ptrdiff_t(part.triangles.size());
     }
   }
 

@@ -6,32 +6,18 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-template <class T>
-void expand(std::vector<T>& values, const std::vector<uvec3>& triangles) {
-  if (values.empty()) return;
-  std::vector<T> corners;
-  corners.reserve(triangles.size() * 3);
-  for (const uvec3& t : triangles) {
-    for (int i = 0; i < 3; ++i) corners.push_back(values[t[i]]);
-  }
-  values = std::move(corners);
-}
-
 MeshData unshared(const MeshData& vertices, const std::vector<uvec3>& triangles, Budget& budget) {
-  constexpr u64 kBytes = 3 * sizeof(vec3) + 4 * sizeof(vec4);
-  budget.take(triangles.size() * 3, kBytes + 2 * sizeof(vec3) * vertices.morph_positions.size(),
-              "corners");
   MeshData mesh = vertices;
-  expand(mesh.positions, triangles);
-  expand(mesh.normals, triangles);
-  expand(mesh.tangents, triangles);
-  expand(mesh.uvs, triangles);
-  expand(mesh.uvs1, triangles);
-  expand(mesh.colors, triangles);
-  expand(mesh.joints, triangles);
-  expand(mesh.weights, triangles);
-  for (auto& target : mesh.morph_positions) expand(target, triangles);
-  for (auto& target : mesh.morph_normals) expand(target, triangles);
+  for_each_vertex_array(mesh, [&]<class T>(std::vector<T>& values) {
+    if (values.empty()) return;
+    budget.take(triangles.size() * 3, sizeof(T), "corners");
+    std::vector<T> corners;
+    corners.reserve(triangles.size() * 3);
+    for (const uvec3& t : triangles) {
+      for (int i = 0; i < 3; ++i) corners.push_back(values[t[i]]);
+    }
+    values = std::move(corners);
+  });
   return mesh;
 }
 
@@ -72,16 +58,6 @@ MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangl
   mesh.normals.clear();
   for (std::size_t i = 0; i < triangles.size(); ++i)
     mesh.normals.insert(mesh.normals.end(), 3, normal_of(mesh, corners_of(i)));
-  return mesh;
-}
-
-MeshData with_own_tangents(const MeshData& vertices, const std::vector<uvec3>& triangles,
-                           Budget& budget) {
-  MeshData mesh = unshared(vertices, triangles, budget);
-  mesh.tangents.clear();
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    mesh.tangents.insert(mesh.tangents.end(), 3, unit_tangent(tangent_of(mesh, corners_of(i))));
-  }
   return mesh;
 }
 

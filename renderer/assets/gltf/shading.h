@@ -9,11 +9,6 @@ namespace heliograph::assets::gltf {
 [[nodiscard]] MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangles,
                                    Budget& budget);
 
-/// A vertex of its own for every corner, and each triangle's own tangent, along u of the first
-/// texture coordinates; zeros without those.
-[[nodiscard]] MeshData with_own_tangents(const MeshData& vertices,
-                                         const std::vector<uvec3>& triangles, Budget& budget);
-
 /// Tangents without a direction become those of the triangles about the vertex; normals do in
 /// finish_mesh().
 void mend_tangents(MeshData& mesh);

@@ -53,4 +53,13 @@ std::optional<Value> material_of(const Value& primitive, std::optional<u32> vari
   return primitive.find("material");
 }
 
+std::vector<Value> materials_of(const Value& primitive) {
+  std::vector<Value> all;
+  if (const auto own = primitive.find("material")) all.push_back(*own);
+  if (const auto extension = primitive.extension(kExtension))
+    for (const Value& mapping : extension->at("mappings").elements())
+      all.push_back(mapping.at("material"));
+  return all;
+}
+
 }  // namespace heliograph::assets::gltf

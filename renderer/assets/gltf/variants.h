@@ -13,4 +13,7 @@ namespace heliograph::assets::gltf {
 /// The material of a primitive: what it maps the variant to, else its own; nothing: it has none.
 [[nodiscard]] std::optional<Value> material_of(const Value& primitive, std::optional<u32> variant);
 
+/// All that any variant shows of a primitive, its own included.
+[[nodiscard]] std::vector<Value> materials_of(const Value& primitive);
+
 }  // namespace heliograph::assets::gltf
