@@ -10,8 +10,8 @@ HELIOGRAPHD names the daemon.
 
 A line for each difference, "file: reader: what: ours / theirs", then the counts. --explained: lines
 of "reader file-pattern what: reason", where reader and what may be *, take differences out of those
-that count; ends with 1 when any is left. Every reader is a process of its own, and is started anew
-when it ends or takes longer than --seconds.
+that count; what is the code of the validator's error. Ends with 1 when any is left. Every reader is
+a process of its own, and is started anew when it ends or takes longer than --seconds.
 """
 
 import argparse
@@ -133,7 +133,9 @@ def compared(ours, theirs):
     """(fact, "ours / theirs") of all that differs. Facts that a reader does not give are not
     compared."""
     if "refusal" in ours or "refusal" in theirs:
-        if ("refusal" in ours) != ("refusal" in theirs):
+        if "refusal" not in ours and "codes" in theirs:
+            yield from ((code, "loads / an error") for code in theirs["codes"])
+        elif ("refusal" in ours) != ("refusal" in theirs):
             shown = [facts.get("refusal", "loads") for facts in (ours, theirs)]
             yield "loads", " / ".join(shown)
         return

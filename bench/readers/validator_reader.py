@@ -26,7 +26,7 @@ def read(path):
     if report is None:
         return {}
     codes = sorted({m["code"] for m in report["issues"]["messages"] if m["severity"] == ERROR})
-    return {"refusal": " ".join(codes)} if codes else {}
+    return {"refusal": " ".join(codes), "codes": codes} if codes else {}
 
 
 def report_of(path):

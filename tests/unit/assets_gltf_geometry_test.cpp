@@ -46,6 +46,34 @@ TEST_CASE("gltf: lists, strips and fans give the same quad") {
   CHECK(triangles(load(5, {0, 1, 3, 3, 2})).size() == 1);
 }
 
+TEST_CASE("gltf: corners beyond the last whole triangle are left out with a warning") {
+  for (const bool indexed : {false, true}) {
+    GltfFile file;
+    file.floats("VEC3", kQuad);
+    file.indices({1, 2, 3, 0, 1});
+    const auto loaded = file.load(mesh_json(std::string(R"({"attributes":{"POSITION":0})") +
+                                            (indexed ? R"(,"indices":1})" : "}")));
+    REQUIRE(loaded);
+    CHECK(triangles(*loaded) == std::vector{indexed ? uvec3(1, 2, 3) : uvec3(0, 1, 2)});
+    REQUIRE(loaded->warnings.size() == 1);
+    CHECK_THAT(loaded->warnings[0], Contains(indexed ? "last 2 of 5" : "last 1 of 4"));
+  }
+}
+
+TEST_CASE("gltf: a buffer without data is missed where something is read from it") {
+  const auto load = [](const std::string& position) {
+    return TestBundle()
+        .add("test.gltf", R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":36}],)"
+                          R"("bufferViews":[{"buffer":0,"byteLength":36}],"accessors":[)"
+                          R"({"componentType":5126,"count":3,"type":"VEC3"},)"
+                          R"({"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],)" +
+                              mesh_json(R"({"attributes":{"POSITION":)" + position + "}}") + "}")
+        .load();
+  };
+  CHECK(load("0"));
+  CHECK_THAT(refusal(load("1")), Contains("buffers[0].uri: is missing"));
+}
+
 TEST_CASE("gltf: points and lines are left out with a warning") {
   GltfFile file;
   file.floats("VEC3", kQuad);

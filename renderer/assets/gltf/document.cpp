@@ -149,7 +149,8 @@ void Document::load_buffers() {
     } else if (i == 0 && glb_chunk_) {
       bytes = *glb_chunk_;
     } else {
-      refuse(buffer.key_where("uri"), "is missing, and there is no GLB chunk for this buffer");
+      buffers_.emplace_back();  // refused where something is read from it
+      continue;
     }
     if (bytes.size() < length) {
       refuse(buffer.key_where("byteLength"),
@@ -245,6 +246,9 @@ Bytes Document::range_of(const Value& value) const {
   const u64 offset = value.whole("byteOffset", 0);
   const u64 size = value.at("byteLength").whole();
   const Bytes bytes = buffers_[buffer];
+  if (bytes.empty() && !item("buffers", buffer).find("uri"))
+    refuse(item("buffers", buffer).key_where("uri"),
+           "is missing, and there is no GLB chunk for this buffer");
   if (offset > bytes.size() || size > bytes.size() - offset) {
     refuse(value.where(), fmt::format("bytes {} to {} leave the buffer of {} bytes", offset,
                                       offset + size, bytes.size()));

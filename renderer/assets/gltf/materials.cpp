@@ -146,8 +146,12 @@ class Reader {
       set(dispersion, *split, "dispersion", 0);
     if (const auto coat = value_.extension("KHR_materials_clearcoat")) clearcoating(*coat);
     if (const auto cloth = value_.extension("KHR_materials_sheen")) sheen_of(*cloth);
-    if (const auto brushed = value_.extension("KHR_materials_anisotropy"))
+    if (const auto brushed = value_.extension("KHR_materials_anisotropy")) {
       anisotropy_ = read_anisotropy(*brushed, textures_);
+      const double strength = brushed->number("anisotropyStrength", 0);
+      if (strength < 0 || strength > 1)
+        builder_.warn(fmt::format("{}: a strength outside [0, 1] was clamped", brushed->where()));
+    }
     if (const auto film = value_.extension("KHR_materials_iridescence")) thin_film(*film);
     if (const auto index = value_.extension("KHR_materials_ior")) set(ior, *index, "ior", 1.5);
     if (const auto reflecting = value_.extension("KHR_materials_specular")) {

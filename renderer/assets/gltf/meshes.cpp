@@ -123,8 +123,7 @@ class Loader {
       if (is_new) pieces_.push_back({.vertices = read_vertices(document_, primitive, builder_)});
       Part part{.piece = at->second, .triangles = {}};
       const MeshData& shared = pieces_[part.piece].vertices;
-      part.triangles =
-          read_triangles(document_, primitive, u32(shared.positions.size()), builder_.budget);
+      part.triangles = read_triangles(document_, primitive, u32(shared.positions.size()), builder_);
       // Beside parts with normals, a part without takes its triangles' own.
       if (any_normals && !has_normals(primitive)) unshare(part, flat_shaded);
       const auto& first = pieces_.front().vertices.morph_positions;

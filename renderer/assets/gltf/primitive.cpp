@@ -132,7 +132,8 @@ std::vector<uvec3> joined(const std::vector<u32>& order, bool is_strip, std::siz
 }  // namespace
 
 std::vector<uvec3> read_triangles(const Document& document, const Value& primitive, u32 vertices,
-                                  Budget& budget) {
+                                  Builder& builder) {
+  Budget& budget = builder.budget;
   const u64 mode = primitive.whole("mode", 4);
   const auto indices = primitive.find("indices");
   const bool is_list = mode == 4;
@@ -145,7 +146,11 @@ std::vector<uvec3> read_triangles(const Document& document, const Value& primiti
   }
   const u64 corners = indices ? accessor_count(document, *indices) : vertices;
   if (is_list && corners % 3 != 0) {
-    refuse(primitive.where(), fmt::format("{} indices do not make triangles", corners));
+    if (corners < 3)
+      refuse(primitive.where(), fmt::format("{} indices do not make triangles", corners));
+    builder.warn(fmt::format("{}: the last {} of {} corners make no triangle and are left out",
+                             primitive.where(), corners % 3, corners));
+    triangles.resize(corners / 3);
   }
   const u64 count = is_list ? corners / 3 : std::max<u64>(corners, 2) - 2;
   Budget::check(count, budget.limits().triangles, "triangles", primitive.where());

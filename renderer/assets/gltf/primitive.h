@@ -8,7 +8,7 @@ namespace heliograph::assets::gltf {
 
 /// Triangles of a list, strip or fan, every index below `vertices`.
 [[nodiscard]] std::vector<uvec3> read_triangles(const Document& document, const Value& primitive,
-                                                u32 vertices, Budget& budget);
+                                                u32 vertices, Builder& builder);
 
 /// The vertices of a primitive, as stored: no triangles, no parts. Normals, tangents and texture
 /// coordinates that are not finite are zeros; tangents without normals are not read.
