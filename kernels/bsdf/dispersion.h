@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/bsdf/spectrum_table.h"
+#include "kernels/core/math.h"
 #include "kernels/scene/scene_view.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {

@@ -43,9 +43,8 @@ std::vector<u8> traits_of(const Structure& structure, const std::vector<u8>& of_
 }  // namespace
 
 bool focuses(const kernels::MaterialView& material) {
-  constexpr u32 kDecisive = 1u << u32(MaterialParameter::metallic) |
-                            1u << u32(MaterialParameter::transmission) |
-                            1u << u32(MaterialParameter::roughness);
+  constexpr kernels::ParameterSet kDecisive = kernels::parameters(
+      MaterialParameter::metallic, MaterialParameter::transmission, MaterialParameter::roughness);
   const kernels::MaterialValues& m = material.constant;
   return (material.textured & kDecisive) == 0 && m.roughness <= kRoughest &&
          std::max(m.metallic, m.transmission) > 0.5f && !material.passable && !material.unlit;
