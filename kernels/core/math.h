@@ -86,7 +86,7 @@ KERNEL F rescale_uniform(F u, F length) {
 /// Of a word that is not 0.
 KERNEL u32 lowest_bit(u64 bits) {
 #if defined(__CUDA_ARCH__)
-  return u32(__ffsll(i64(bits))) - 1;
+  return u32(__ffsll(static_cast<long long>(bits))) - 1;
 #else
   return u32(__builtin_ctzll(bits));
 #endif

@@ -69,7 +69,7 @@ enum class ParameterBit : u32 {
 };
 static_assert(u32(ParameterBit::kCount) <= 8 * sizeof(ParameterSet));
 template <class... Bits>
-constexpr ParameterSet parameters(Bits... bits) {
+KERNEL constexpr ParameterSet parameters(Bits... bits) {
   return (... | (ParameterSet(1) << u32(bits)));
 }
 

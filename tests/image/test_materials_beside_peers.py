@@ -39,6 +39,7 @@ BOUNDS = {
     "glass 0.8 ior 2": {"cycles": 0.025},
     "glass, coloured": {"mitsuba": 0.004, "cycles": 0.004},
     "glass, absorbing": {"mitsuba": 0.004, "cycles": 0.004},
+    "translucent": {"mitsuba": 0.008, "cycles": 0.004},
     "thin-walled 0": {"mitsuba": 0.004},
     "metal 0.2": {"mitsuba": 0.008, "cycles": 0.008},
     "metal 0.4, dome": {"cycles": 0.004},
