@@ -128,12 +128,33 @@ def curves(edit):
     return options
 
 
+def leaves(edit):
+    """A leaf before a lamp, wax, and crystals that split light, one in coloured water."""
+    options = scenes.materials(edit)
+    edit.mesh("sheet", **hg.shapes.plane(0.8))
+    passes = {"diffuse_transmission": 0.6, "diffuse_transmission_color": (0.5, 0.9, 0.2)}
+    edit.material("leaf", base_color=0.3, clearcoat=0.5, sheen=0.3, thin_walled=True, **passes)
+    edit.material("wax", base_color=0.9, **passes, attenuation_color=(0.9, 0.4, 0.2))
+    edit.material("wax", attenuation_distance=0.2, transmission=0.3, roughness=0.4)
+    edit.material("crystal", base_color=1, transmission=1, roughness=0, ior=1.7, dispersion=4)
+    edit.material("frosted", base_color=0.9, transmission=1, roughness=0.3, dispersion=2)
+    turned = hg.Pose((-1.2, -0.6, 1.0), euler=(1.4, 0.2, 0.3))
+    edit.entity("sheet", mesh="sheet", material="leaf", transform=turned)
+    edit.entity("lamp", light=hg.Light(radiance=8), mesh="ball")
+    edit.entity("lamp", transform=hg.Pose((-1.2, -0.1, 1.1), scale=0.15))
+    for i, look in enumerate(("wax", "crystal", "frosted")):
+        place = hg.Pose((0.7 * i - 0.4, -0.6, 1.0), scale=0.6)
+        edit.entity(f"leaf{i}", mesh="ball", material=look, transform=place)
+    return options | {"max_depth": 10}
+
+
 SCENES = {
     **scenes.SCENES,
     "fog": fog,
     "motion": motion,
     "statics": statics,
     "parts": parts,
+    "leaves": leaves,
     "curves": curves,
     "rays": rays,
 }
