@@ -101,7 +101,9 @@ kernels::MeshView DeviceMesh::view() const {
   view.uvs = view.uvs_around ? strands->uvs.data() : topology->uvs.data();
   view.uvs1 = topology->uvs1.data();
   view.colors = topology->colors.data();
-  view.tangents = topology->tangents.data();
+  // Tangents are those at rest: on a mesh that deforms each triangle's own follow it.
+  const bool rests = positions.buffer() == vertices->positions.buffer();
+  view.tangents = rests ? topology->tangents.data() : nullptr;
   view.parts = topology->parts.data();
   if (strands) view.strand_points = strands->points.data();
   view.triangle_count = u32(topology->triangles.size());
