@@ -1,5 +1,8 @@
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstdlib>
+#include <memory>
 #include <new>
 
 #include "renderer/assets/picture.h"
@@ -37,6 +40,15 @@ NonFinite make_finite(std::span<std::byte> texels, Word at_least) {
   return found;
 }
 
+/// Of what is still to be written: the system zeroes 2 MiB at a time.
+void ask_for_large_pages(std::span<std::byte> bytes) {
+  constexpr std::size_t kLarge = 2 << 20;
+  void* begin = bytes.data();
+  std::size_t size = bytes.size();
+  if (std::align(kLarge, kLarge, begin, size))
+    (void)::madvise(begin, size / kLarge * kLarge, MADV_HUGEPAGE);
+}
+
 constexpr u16 kLargestHalf = 0x7bff;  // 65504
 constexpr u32 kLargestHalfAsF32 = 0x477fe000;
 
@@ -52,6 +64,7 @@ Canvas::Canvas(const ImageData& layout, const PictureSource& source) : image(lay
   owner_.reset(static_cast<std::byte*>(std::calloc(size, 1)));
   if (!owner_) throw std::bad_alloc();
   texels = {owner_.get(), size};
+  ask_for_large_pages(texels);
 }
 
 std::size_t Canvas::texel_size() const {
