@@ -300,7 +300,8 @@ KERNEL ChosenOf<F> choose_base(const BaseOf<F, S>& b, F u_lobe, Vec2<F> u, BsdfS
   s.eta = F(1);
   Vec3<F> wi(0, 0, 1);
   if (any(cosine)) wi = sample_cosine(u);
-  const BoolOf<F> leaves_below = cosine & is_translucent(b) & (u_lobe >= above_probability(b));
+  const BoolOf<F> translucent = is_translucent(b);
+  const BoolOf<F> leaves_below = cosine & translucent & (u_lobe >= above_probability(b));
   if (any(leaves_below)) {
     wi.z = select(leaves_below, -wi.z, wi.z);
     s.lobe = select(leaves_below, LobeOf(Lobe::kDiffuseTransmission), s.lobe);

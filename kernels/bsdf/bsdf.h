@@ -135,7 +135,8 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F, S>&
 /// Where sample_bsdf() looks at u_lobe.
 template <class F, Features S>
 KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F, S>& b) {
-  return is_layered(b) | is_translucent(b) | (b.diffuse_probability < 1);
+  const BoolOf<F> layered = is_layered(b), translucent = is_translucent(b);
+  return layered | translucent | (b.diffuse_probability < 1);
 }
 
 /// Light from inside the body leaves towards wi (unit, world) with this times the cosine / pi.

@@ -43,7 +43,8 @@ KERNEL Vec3<F> receiving_normal(const BsdfOf<F, S>& b) {
 /// Whether light from below the surface can pass it.
 template <class F, Features S>
 KERNEL BoolOf<F> receives_below(const BsdfOf<F, S>& b) {
-  return is_glass(b) | is_translucent(b);
+  const BoolOf<F> glass = is_glass(b), translucent = is_translucent(b);
+  return glass | translucent;
 }
 /// Sets Vertex::receiver, but for its surface_share.
 KERNEL void set_receiver(Vertex& v, float time) {
