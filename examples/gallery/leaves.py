@@ -10,8 +10,7 @@ import sys
 from pathlib import Path
 
 import heliograph as hg
-import numpy as np
-from materials import Row, show
+from materials import Row, show, stripe_wall
 
 COLUMNS = 7
 SIZE = (420, 300)
@@ -41,9 +40,7 @@ ROWS: tuple[tuple[str, Row], ...] = (
 
 
 def build(edit: hg.Edits) -> hg.Entity:
-    stripes = np.where(np.arange(16)[None, :, None] % 2 == 0, 0.75, 0.08)
-    edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"), filter="nearest")
-    edit.material("wall/material", base_color="stripes", roughness=0.8)
+    stripe_wall(edit)
     return show(edit, ROWS, COLUMNS, SIZE)
 
 

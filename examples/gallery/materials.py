@@ -81,11 +81,16 @@ def show(
     return edit.entity("camera", camera=lens, transform=pose)
 
 
-def build(edit: hg.Edits) -> hg.Entity:
-    edit.texture("dimples", dimples())
+def stripe_wall(edit: hg.Edits) -> None:
+    """Makes "wall/material", whose stripes show through what is clear."""
     stripes = np.where(np.arange(16)[None, :, None] % 2 == 0, 0.75, 0.08)
     edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"), filter="nearest")
     edit.material("wall/material", base_color="stripes", roughness=0.8)
+
+
+def build(edit: hg.Edits) -> hg.Entity:
+    edit.texture("dimples", dimples())
+    stripe_wall(edit)
     return show(edit, ROWS, COLUMNS, SIZE)
 
 

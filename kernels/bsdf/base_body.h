@@ -1,13 +1,13 @@
-// What lies under the coat of the base: a diffuse body, whose light leaves on this side, on the far
-// one or elsewhere. Called by base_weights.h and base_lobes.h.
+// The body under the coat of the base: its diffuse light leaves on this side, on the far one or
+// elsewhere. Called by base_weights.h and base_lobes.h.
 #pragma once
 
 #include "kernels/bsdf/base.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What lies under the coat: a share of its light travels inside, the rest is Lambert's on this
-/// side or the far one. Where there is no inside to travel in, all of it is Lambert's.
+/// Light under the coat: a share of it travels inside, the rest is Lambert's on this side or the
+/// far one. Where there is no inside to travel in, all of it is Lambert's.
 template <class F>
 struct BodyOf {
   Vec3<F> color, through;
@@ -27,7 +27,7 @@ KERNEL BodyOf<F> body_of(const MaterialValuesOf<F>& m, const ShadingPointOf<F>& 
           select(body, through, Vec3<F>(0)), select(walks, m.subsurface, F(0))};
 }
 
-/// Whether some diffuse light leaves on the far side.
+/// True where some diffuse light leaves on the far side.
 template <class F, Features S>
 KERNEL BoolOf<F> is_translucent(const BaseOf<F, S>& b) {
   return rich<S>(b.diffuse_through_share > 0);

@@ -8,7 +8,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether surfaces split light by wavelength. Sheets do not: light leaves them as it came.
+/// True where surfaces split light by wavelength. Sheets do not: light leaves them as it came.
 KERNEL bool disperses(const MaterialView& material, const MaterialValues& m) {
   return kRich && m.dispersion > 0 && m.transmission > 0 && !material.thin_walled;
 }

@@ -40,7 +40,7 @@ template <class F, Features S>
 KERNEL Vec3<F> receiving_normal(const BsdfOf<F, S>& b) {
   return select(is_layered(b), b.ng, b.frame.n);
 }
-/// Whether light from below the surface can pass it.
+/// True where light from below the surface can pass it.
 template <class F, Features S>
 KERNEL BoolOf<F> receives_below(const BsdfOf<F, S>& b) {
   const BoolOf<F> glass = is_glass(b), translucent = is_translucent(b);

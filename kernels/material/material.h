@@ -123,8 +123,8 @@ KERNEL bool is_passable(const MaterialView& material) {
          m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0 && m.iridescence == 0;
 }
 
-/// Whether there is a body behind surfaces of a material, which light can enter. A sheet of paper
-/// that nobody called thin-walled has none.
+/// True if light can enter a body behind surfaces of a material. A sheet of paper that nobody
+/// called thin-walled has none.
 KERNEL bool is_body(const MaterialView& material) {
   return !material.thin_walled && !material.unlit &&
          (material.constant.transmission > 0 || may_fill(material));
