@@ -43,6 +43,7 @@ struct Ints {
   friend Ints operator-(Ints a, Ints b) { return a.v - b.v; }
   friend Ints operator*(Ints a, Ints b) { return a.v * b.v; }
   friend Ints operator&(Ints a, Ints b) { return a.v & b.v; }
+  friend Ints operator>>(Ints a, i32 n) { return a.v >> n; }
   friend Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
   friend Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
 };
@@ -201,6 +202,11 @@ inline Floats gather(const float* table, Ints i) {
   for (u32 lane = 0; lane < kLanes; ++lane) v[lane] = table[i.v[lane]];
   return v;
 #endif
+}
+
+inline Ints gather(const u16* table, Ints i) {
+  for (u32 lane = 0; lane < kLanes; ++lane) i.v[lane] = table[i.v[lane]];
+  return i;
 }
 
 /// One lane of several, which lie in memory.

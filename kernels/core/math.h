@@ -64,6 +64,8 @@ KERNEL float sign_of(float x) { return std::copysign(1.0f, x); }
 KERNEL i32 to_int(float x) { return i32(x); }
 KERNEL float to_float(i32 x) { return float(x); }
 KERNEL float gather(const float* table, i32 i) { return table[i]; }
+KERNEL float gather(const float* table, u32 i) { return table[i]; }
+KERNEL u32 gather(const u16* table, u32 i) { return table[i]; }
 
 template <class F>
 KERNEL F sqr(F x) {
@@ -203,20 +205,30 @@ KERNEL SinCosOf<F> sincos_turns(F turns) {
 }
 
 /// atan2(y, x) / 2 pi, in [-0.5, 0.5]; errors below 1e-7 turns.
-KERNEL float atan2_turns(float y, float x) {
-  const float ax = std::fabs(x);
-  const float ay = std::fabs(y);
-  const float large = max2(max2(ax, ay), 0x1p-126f);
+template <class F>
+KERNEL F atan2_turns(F y, F x) {
+  const F ax = abs(x);
+  const F ay = abs(y);
+  const F large = max2(max2(ax, ay), F(0x1p-126f));
   // The angle is halved once: tan in [0, tan(pi / 8)], where a minimax polynomial is short.
-  const float a = min2(ax, ay) / large;
-  const float h = a / (1 + std::sqrt(1 + a * a));
-  const float z = h * h;
-  const float p =
+  const F a = min2(ax, ay) / large;
+  const F h = a / (1 + sqrt(1 + a * a));
+  const F z = h * h;
+  const F p =
       h * (1 + z * (-0.33332756f + z * (0.19971879f + z * (-0.13824454f + z * 0.07902599f))));
-  float turns = p * (1 / kPi);
-  if (ay > ax) turns = 0.25f - turns;
-  if (x < 0) turns = 0.5f - turns;
-  return y < 0 ? -turns : turns;
+  F turns = p * (1 / kPi);
+  turns = select(ay > ax, 0.25f - turns, turns);
+  turns = select(x < 0, 0.5f - turns, turns);
+  return select(y < 0, -turns, turns);
+}
+KERNEL float atan2_turns(float y, float x) { return atan2_turns<float>(y, x); }
+
+/// A direction in the space that a matrix leads to.
+template <class F>
+KERNEL Vec3<F> turned(const mat3& m, Vec3<F> d) {
+  return Vec3<F>(m[0].x * d.x + m[1].x * d.y + m[2].x * d.z,
+                 m[0].y * d.x + m[1].y * d.y + m[2].y * d.z,
+                 m[0].z * d.x + m[1].z * d.y + m[2].z * d.z);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

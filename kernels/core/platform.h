@@ -73,8 +73,9 @@ using glm::vec2;
 using glm::vec3;
 using glm::vec4;
 
-/// Asks for memory that is read soon.
-KERNEL void prefetch(const void* at) {
+/// Asks for memory that is read soon. What does nothing else is to be inlined always: g++ takes a
+/// call of it for one without effects, and leaves it out.
+HELIO_ALWAYS_INLINE KERNEL void prefetch(const void* at) {
 #if !defined(__CUDA_ARCH__)
   __builtin_prefetch(at);
 #endif

@@ -56,24 +56,47 @@ KERNEL vec2 sample_triangle(vec2 u) {
 }
 
 /// The interval of a running sum that u in [0, total) falls into, and u's place in it.
-struct Choice {
-  u32 index;
-  float probability;  // of the interval, as the sums have it
-  float rest;         // uniform in [0, 1)
+template <class F>
+struct ChoiceOf {
+  IndexOf<F> index;
+  F probability;  // of the interval, as the sums have it
+  F rest;         // uniform in [0, 1)
 };
-/// cdf     sums up to and including each entry
-/// first, count   the entries to choose from; count > 0
-/// u       in [0, cdf[first + count - 1]]
-KERNEL Choice choose(const float* cdf, u32 first, u32 count, float u) {
-  while (count > 1) {
-    const u32 half = count / 2;
-    first = cdf[first + half - 1] <= u ? first + half : first;
-    count -= half;
+using Choice = ChoiceOf<float>;
+/// The interval of an entry.
+///
+/// cdf     sums up to and including each entry; those of the table begin at `begin`
+template <class F>
+struct IntervalOf {
+  F start, length;
+
+  KERNEL IntervalOf(const float* cdf, IndexOf<F> begin, IndexOf<F> entry) {
+    const IndexOf<F> at = begin + entry;
+    const BoolOf<F> first = entry == IndexOf<F>(0);
+    start = select(first, F(0), gather(cdf, select(first, at, at - IndexOf<F>(1))));
+    length = gather(cdf, at) - start;
   }
-  const float start = first > 0 ? cdf[first - 1] : 0;
-  const float width = cdf[first] - start;
-  return {first, width, rescale_uniform(u - start, width)};
+};
+/// first, count   the entries to choose from; count > 0
+/// u              in [0, cdf[begin + first + count - 1]]
+template <class F>
+KERNEL ChoiceOf<F> choose(const float* cdf, IndexOf<F> begin, IndexOf<F> first, IndexOf<F> count,
+                          F u) {
+  for (;;) {
+    const BoolOf<F> several = IndexOf<F>(1) < count;
+    if (!any(several)) break;
+    const IndexOf<F> half = count >> 1;
+    const IndexOf<F> middle = first + half;
+    const BoolOf<F> beyond =
+        gather(cdf, begin + select(several, middle - IndexOf<F>(1), first)) <= u;
+    first = select(several & beyond, middle, first);
+    count = count - half;
+  }
+  const IntervalOf<F> chosen(cdf, begin, first);
+  return {first, chosen.length, rescale_uniform(F(u - chosen.start), chosen.length)};
 }
-KERNEL Choice choose(const float* cdf, u32 count, float u) { return choose(cdf, 0, count, u); }
+KERNEL Choice choose(const float* cdf, u32 count, float u) {
+  return choose<float>(cdf, 0, 0, count, u);
+}
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -83,10 +83,7 @@ KERNEL void add_part(const FilmView& film, u64 pixel, const Part& from, bool who
 KERNEL void write_sample(const FilmView& film, u64 pixel, const SampleValues& s, bool whole) {
   add_part<SamplePlain>(film, pixel, s, whole);
   if (wants_rich(film, planes_from<SampleRich>())) add_part<SampleRich>(film, pixel, s, whole);
-  if (film.moment) {
-    const float y = luminance(s.radiance);
-    add_to_sum(film.moment[pixel], film.moment_partial[pixel], y * y, whole);
-  }
+  if (film.moments) add_moments(film, pixel, luminance(s.radiance), whole);
   if (whole && wants(film, Plane::BEAUTY_GROUP)) end_group_block(film, pixel);
   if (film.catcher) {
     for (u64 i = 0; i < 2; ++i) {

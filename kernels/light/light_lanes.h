@@ -9,13 +9,19 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether lights are sampled in lanes, too: even spheres under an even sky.
+/// Whether lights are sampled in lanes, too: even spheres and a dome that is even or has texels.
 KERNEL bool has_plain_lights(const SceneView& scene) {
   const DomeView& dome = scene.dome;
-  const bool even =
-      scene.sun_count == 0 && (!(dome.probability > 0) ||
-                               (dome.texture == kNone && !dome.row_cdf && dome.portal_count == 0));
-  return scene.only_spheres && even && has_lights(scene);
+  constexpr u64 kMostTexels = u64(1) << 31;  // that lanes can count
+  const bool plain_dome =
+      dome.row_cdf ? u64(dome.width) * dome.height <= kMostTexels : dome.texture == kNone;
+  const bool plain_sky = !(dome.probability > 0) || (plain_dome && dome.portal_count == 0);
+  return scene.only_spheres && scene.sun_count == 0 && plain_sky && has_lights(scene);
+}
+/// Where points that light comes to have to be taken one by one all the same: from both sides under
+/// an even dome.
+KERNEL Mask takes_sides(const SceneView& scene, const LitPointOf<Floats>& to) {
+  return scene.dome.row_cdf ? Mask(false) : to.both;
 }
 
 /// Reads a member of LightNodes, given that of the root.
@@ -48,19 +54,28 @@ KERNEL LightNodeOf<Floats> node_at(const LightNode* nodes, Ints i) {
           {lanes.word(&nodes->first), last & 0xffff}};
 }
 
+/// sample_dome() where the dome has texels; else by the cosine to the normal n.
+KERNEL TexelSample<Floats> sample_plain_dome(const DomeView& dome, Vec3<Floats> n, Vec2<Floats> u) {
+  if (dome.row_cdf) return sample_texels(dome, u);
+  const Vec3<Floats> local = sample_cosine(u);
+  return {Vec2<Floats>(0), to_world(make_frame(n), local), local.z * kInvPi * dome.probability};
+}
+
 /// Where light comes from, and how often a direction there is taken.
 struct LightLanes {
   LightDirectionOf<Floats> to;  // pdf 0: nothing comes from there
   Ints light;                   // LightSample::light
+  Vec2<Floats> place;           // LightSample::place
 };
 
-/// sample_light() of a scene that has_plain_lights(), for points that light comes to from the
-/// front.
+/// sample_light() of a scene that has_plain_lights(), but where a point takes_sides().
 KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<Floats>& to,
                                       const LightChoiceOf<Floats>& choice, Floats surfaces,
                                       Vec2<Floats> u) {
   const Mask of_tree = choice.of_tree;
-  LightLanes out{{to.n, Vec3<Floats>(0), Floats(0), Ints(i32(kAllRays)), of_tree}, i32(kNone)};
+  LightLanes out{{to.n, Vec3<Floats>(0), Floats(0), Ints(i32(kAllRays)), of_tree},
+                 i32(kNone),
+                 Vec2<Floats>(0)};
   if (any(of_tree)) {
     out.light = select(of_tree, link_at(scene.light_nodes, choice.leaf.node).first, Ints(0));
     constexpr i32 kStride = sizeof(LightView) / sizeof(float);
@@ -82,10 +97,11 @@ KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<F
   }
   if (!all(of_tree)) {
     const Floats share = 1 - surfaces;
-    const Vec3<Floats> local =
-        sample_cosine(Vec2<Floats>(rescale_uniform(u.x - surfaces, share), u.y));
-    out.to.direction = select(of_tree, out.to.direction, to_world(make_frame(to.n), local));
-    out.to.pdf = select(of_tree, out.to.pdf, local.z * kInvPi * scene.dome.probability * share);
+    const Vec2<Floats> rest(rescale_uniform(u.x - surfaces, share), u.y);
+    const TexelSample<Floats> sky = sample_plain_dome(scene.dome, to.n, rest);
+    out.place = sky.place;
+    out.to.direction = select(of_tree, out.to.direction, sky.direction);
+    out.to.pdf = select(of_tree, out.to.pdf, sky.pdf * share);
   }
   return out;
 }

@@ -179,7 +179,7 @@ HELIO_ALWAYS_INLINE KERNEL vec4 bilinear(const TextureView& texture, Taps x, Tap
 }
 
 /// Asks for the texels about a place, row 0 at v = 0.
-KERNEL void prefetch_texel(const TextureView& texture, vec2 uv) {
+HELIO_ALWAYS_INLINE KERNEL void prefetch_texel(const TextureView& texture, vec2 uv) {
   const u32 x = min2(u32(max2(uv.x * float(texture.width) - 0.5f, 0.0f)), texture.width - 1);
   const u32 y = min2(u32(max2(uv.y * float(texture.height) - 0.5f, 0.0f)), texture.height - 1);
   const u64 size = texel_stride(texture), row = texture.width * size;

@@ -34,10 +34,11 @@ struct FilmView {
   // BEAUTY_GROUP has the pixels of one group after those of the other.
   const u32* rank_of_group;  // by light group of the scene: which of them, kNone: not wanted
   u32 groups;                // how many are wanted
-  float* moment;             // the same two for the squared luminance of beauty; null unless
-  float* moment_partial;   // VARIANCE or a noise stop rule is wanted (then BEAUTY and COVERAGE are)
-  float* catcher;          // (2) of each pixel: light on shadow catchers, with other entities and
-  float* catcher_partial;  // without; null unless SHADOW_CATCHER is wanted
+  float* moments;            // (2) of each pixel: the same two for the square and the fourth power
+  float* moments_partial;    // of beauty's luminance; null unless VARIANCE or a noise stop rule is
+                             // wanted (then BEAUTY and COVERAGE are)
+  float* catcher;            // (2) of each pixel: light on shadow catchers, with other entities and
+  float* catcher_partial;    // without; null unless SHADOW_CATCHER is wanted
   PlaneSet wanted;
   u32 width;
   u32 height;
@@ -110,20 +111,40 @@ KERNEL float catcher_share(const FilmView& film, u64 pixel) {
   return without > 0 ? (sum[0] + partial[0]) / without : 1;
 }
 
+/// Adds the luminance of a sample's beauty to a pixel's moments.
+KERNEL void add_moments(const FilmView& film, u64 pixel, float luminance, bool whole) {
+  constexpr float kLargest = 0x1p126f;  // of fourth powers: one that is too large is not lost
+  const float square = sqr(luminance);
+  const float powers[2] = {square, min2(sqr(square), kLargest)};
+  for (u64 i = 0; i < 2; ++i) {
+    const u64 at = pixel * 2 + i;
+    add_to_sum(film.moments[at], film.moments_partial[at], powers[i], whole);
+  }
+}
+
+/// A mean over the samples of a pixel: of the squares (i = 0) or of the fourth powers (1).
+KERNEL float mean_moment(const FilmView& film, u64 pixel, u64 i, u32 samples) {
+  const u64 at = pixel * 2 + i;
+  return (film.moments[at] + film.moments_partial[at]) / float(samples);
+}
+
 /// Luminance of a pixel's beauty after `samples` samples, and the variance of that mean (infinite
 /// below two samples).
 struct PixelStatistics {
   float mean;
   float variance;
+  float hits;  // how many samples would tell it, if each told the same and all others nothing
 };
 KERNEL PixelStatistics pixel_statistics(const FilmView& film, u64 pixel, u32 samples) {
   const vec3 beauty(mean_value(film, Plane::BEAUTY, 4 * pixel, samples),
                     mean_value(film, Plane::BEAUTY, 4 * pixel + 1, samples),
                     mean_value(film, Plane::BEAUTY, 4 * pixel + 2, samples));
   const float mean = luminance(beauty);
-  if (samples < 2) return {mean, INFINITY};
-  const float moment = (film.moment[pixel] + film.moment_partial[pixel]) / float(samples);
-  return {mean, max2(moment - mean * mean, 0.0f) / float(samples - 1)};
+  if (samples < 2) return {mean, INFINITY, 1};
+  const float square = mean_moment(film, pixel, 0, samples), count = float(samples);
+  const float root = std::sqrt(mean_moment(film, pixel, 1, samples));
+  const float hits = root > 0 ? min2(max2(count * sqr(square / root), 1.0f), count) : count;
+  return {mean, max2(square - mean * mean, 0.0f) / (count - 1), hits};
 }
 
 KERNEL u32 tiles_across(const FilmView& film) { return (film.width + kTileSide - 1) / kTileSide; }
@@ -140,7 +161,7 @@ KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
 KERNEL PixelStatistics noise_statistics(const FilmView& film, u64 pixel, u32 samples) {
   const PixelStatistics s = pixel_statistics(film, pixel, samples);
   const bool meets = s.mean > 0 || mean_value(film, Plane::COVERAGE, pixel, samples) > 0;
-  return meets ? s : PixelStatistics{-1, 0};
+  return meets ? s : PixelStatistics{-1, 0, 0};
 }
 
 /// A plane that samples made, of the folds kMean and kFilm, and the array that it goes to.

@@ -13,11 +13,11 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Asks for what surface_at() reads first.
-KERNEL void prefetch_triangle(const SceneView& scene, const Hit& hit) {
+HELIO_ALWAYS_INLINE KERNEL void prefetch_triangle(const SceneView& scene, const Hit& hit) {
   prefetch(scene.meshes[scene.instances[hit.instance].mesh].triangles + hit.primitive);
 }
 /// Asks for what it reads then.
-KERNEL void prefetch_corners(const SceneView& scene, const Hit& hit) {
+HELIO_ALWAYS_INLINE KERNEL void prefetch_corners(const SceneView& scene, const Hit& hit) {
   const MeshView& mesh = scene.meshes[scene.instances[hit.instance].mesh];
   const uvec3 triangle = mesh.triangles[hit.primitive];
   for (int i = 0; i < 3; ++i) {
@@ -192,15 +192,25 @@ class Lockstep {
       prefetch_triangle(scene_, item.hit);
       listed_[met++] = active_[i];
     }
-    if (scene_.dome.texture != kNone)
-      for (u32 i = 0; i < missed; ++i) look_at_dome(items_[missed_[i]]);
+    if (scene_.dome.texture != kNone) look_at_dome(missed);
     for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
     draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
   }
 
-  void look_at_dome(Item& item) {
-    item.sky = dome_place(scene_.dome, item.path.ray.direction);
-    prefetch_dome(scene_, item.sky);
+  /// For the first `count` of missed_.
+  void look_at_dome(u32 count) {
+    Vec3<Floats> direction{0};
+    for (u32 begin = 0; begin < count; begin += kLanes) {
+      const u32 end = min2(begin + kLanes, count);
+      for (u32 i = begin; i < end; ++i)
+        put(direction, i - begin, items_[missed_[i]].path.ray.direction);
+      const DomePlaceOf<Floats> places = dome_place(scene_.dome, direction);
+      for (u32 i = begin; i < end; ++i) {
+        DomePlace& sky = items_[missed_[i]].sky;
+        sky = {get(places.uv, i - begin), get(places.sine, i - begin)};
+        prefetch_dome(scene_, sky);
+      }
+    }
   }
 
   /// Those that go on stay active; those whose light waits are lit_.
@@ -278,10 +288,10 @@ class Lockstep {
                    Floats surfaces, Mask lit) {
     SampledLights lights;
     const LightChoiceOf<Floats> choices = choose_light(scene_, point, surfaces, lit, lanes.light.x);
-    if (plain_lights_ && !any(lit & point.both))
-      sample_all(scene_, lanes, point, choices, surfaces, lights);
-    else
-      sample_each(scene_, lanes, choices, bits_of(lit), lights);
+    const Mask alone = plain_lights_ ? lit & takes_sides(scene_, point) : lit;
+    if (plain_lights_) sample_all(scene_, lanes, point, choices, surfaces, lights);
+    lights.found = lights.found & !alone;
+    if (any(alone)) sample_each(scene_, lanes, choices, bits_of(alone), lights);
     const BsdfValueOf<Floats> f =
         scattered(bsdf, casters, lights.to.direction, lights.to.visibility);
     const TakenLightOf<Floats> taken =

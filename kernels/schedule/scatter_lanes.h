@@ -164,7 +164,7 @@ KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes,
   }
 }
 
-/// Samples them in lanes: of a scene that has_plain_lights(), for receivers that face the front.
+/// Samples them in lanes: of a scene that has_plain_lights(), but where a point takes_sides().
 template <Features S>
 KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes,
                        const LitPointOf<Floats>& to, const LightChoiceOf<Floats>& choices,
@@ -178,7 +178,9 @@ KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes,
     light.light = u32(get(found.light, i));
     light.sun = kNone;
     light.time = lanes.vertices[i]->receiver.time;
-    light.place = vec2(0);
+    light.place = get(found.place, i);
+    if (scene.dome.texture != kNone)
+      prefetch_texel(scene.textures[scene.dome.texture], light.place);
   }
 }
 

@@ -10,9 +10,10 @@
 
 namespace heliograph {
 
-/// What remarks need of a scene that a device has.
+/// What remarks and stop rules need of a scene that a device has.
 struct SceneSummary {
   bool lit = false;           // something gives off light
+  bool focused = false;       // by mirrors or glass that lights, suns or a dome's picture reach
   std::span<const u32> idle;  // shown entities with a light that has neither a mesh nor a shape
   resident::Box bounds;       // of all that is shown, m
 };

@@ -141,8 +141,8 @@ void HostFilm::for_each_array(F&& visit) {
     if (info.fold == Fold::kMean) visit(view_.partial[i], images, bytes, info.fold);
   }
   if (measures_noise(job())) {
-    visit(view_.moment, 1, pixels * sizeof(float), Fold::kFilm);
-    visit(view_.moment_partial, 1, pixels * sizeof(float), Fold::kFilm);
+    visit(view_.moments, 1, pixels * 2 * sizeof(float), Fold::kFilm);
+    visit(view_.moments_partial, 1, pixels * 2 * sizeof(float), Fold::kFilm);
   }
   if (view_.wanted & plane_bit(Plane::SHADOW_CATCHER)) {
     visit(view_.catcher, 1, pixels * 2 * sizeof(float), Fold::kFilm);
@@ -215,7 +215,7 @@ kernels::FilmView HostFilm::rebased(kernels::FilmView view, const FilmMemory& to
   };
   for (void*& plane : view.planes) move(plane);
   for (float*& partial : view.partial) move(partial);
-  for (float** array : {&view.moment, &view.moment_partial, &view.catcher, &view.catcher_partial})
+  for (float** array : {&view.moments, &view.moments_partial, &view.catcher, &view.catcher_partial})
     move(*array);
   return view;
 }

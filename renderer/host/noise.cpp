@@ -11,8 +11,8 @@ namespace {
 
 using kernels::PixelStatistics;
 
-/// How many samples would tell what a pixel's have, if each gave the same and all others nothing.
-double hits_of(const PixelStatistics& s, u32 samples) {
+/// How many samples would tell a pixel's light, if each gave the same and all others nothing.
+double hits_of_light(const PixelStatistics& s, u32 samples) {
   const double square = double(s.mean) * s.mean;
   return square * samples / (square + double(s.variance) * (samples - 1));
 }
@@ -73,19 +73,26 @@ class Picture {
   [[nodiscard]] const PixelStatistics& at(u32 x, u32 y) const {
     return task_.pixels[u64(y) * task_.film.width + x];
   }
-  static bool is_known(const PixelStatistics& s, u32 samples) {
-    return s.mean > 0 && (!(s.variance > 0) || hits_of(s, samples) >= kKnownFrom);
+  static bool knows_light(const PixelStatistics& s, u32 samples) {
+    return s.mean > 0 && (!(s.variance > 0) || hits_of_light(s, samples) >= kKnownFrom);
   }
+  static bool knows_variance(const PixelStatistics& s) {
+    return !(s.variance > 0) || s.hits >= kKnownFrom;
+  }
+  /// How much of what is shared a pixel gets: between as its light, as where each sample has the
+  /// same chance to be hit, and as its square, which would be the same relative error for all.
+  [[nodiscard]] double weight_of(double light) const { return light * std::sqrt(light * mean_); }
 
   [[nodiscard]] NoiseCell cell_of(const PixelStatistics& s, u32 samples) const {
     if (!meets(s)) return {};
     NoiseCell cell{.variance = s.variance};
-    if (s.variance > 0) cell.spread = cell.variance * cell.variance / hits_of(s, samples);
-    const bool known = is_known(s, samples);
-    cell.weight = known ? double(s.mean) * s.mean : mean_ * mean_;
-    if (!known) {
+    if (s.variance > 0) cell.spread = cell.variance * cell.variance / s.hits;
+    const bool knows = knows_light(s, samples);
+    cell.weight = weight_of(knows ? s.mean : mean_);
+    cell.known = knows && knows_variance(s);
+    if (!cell.known) cell.pending_variance = s.variance;
+    if (!knows) {
       cell.dark = 1;
-      cell.pending_variance = s.variance;
       cell.pending_light = s.mean;
     }
     return cell;
@@ -94,13 +101,12 @@ class Picture {
   [[nodiscard]] double error(const PixelStatistics& s, u32 samples, const NoiseShare& share,
                              const NoiseShare& left) const {
     if (!meets(s)) return 0;
-    double variance = s.variance + share.variance * s.mean * s.mean, light = s.mean;
-    if (!is_known(s, samples)) {
-      const bool lit = s.mean > 0;
-      const double shared = share.variance + (lit ? 0 : left.variance);
-      variance = shared * mean_ * mean_ + share.own * s.variance;
-      light = share.light + (lit ? share.own * s.mean : left.light);
-    }
+    const bool lit = s.mean > 0, knows = knows_light(s, samples);
+    double light = s.mean;
+    if (!knows) light = share.light + (lit ? share.own * s.mean : left.light);
+    const double own = knows && knows_variance(s) ? 1 : share.own;
+    const double shared = share.variance + (lit ? 0 : left.variance);
+    const double variance = own * s.variance + shared * weight_of(knows ? s.mean : mean_);
     return std::sqrt(variance) / std::max(light, floor_);
   }
 
@@ -128,7 +134,7 @@ Noise noise_of(const NoiseTask& task) {
   std::vector<double> errors(tiles);
   parallel_for(tiles, [&](u32 i) {
     const u32 x = i % across, y = i / across;
-    errors[i] = picture.errors(i, tree.leaf(x, y).dark == 0, tree.share_of(x, y), left);
+    errors[i] = picture.errors(i, tree.leaf(x, y).known, tree.share_of(x, y), left);
   });
   Noise noise{.mean = 0};
   for (u32 i = 0; i < tiles; ++i) {

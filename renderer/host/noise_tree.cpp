@@ -10,6 +10,7 @@ void add(NoiseCell& to, const NoiseCell& cell) {
   to.spread += cell.spread;
   to.weight += cell.weight;
   to.dark += cell.dark;
+  to.known &= cell.known;
   to.pending_variance += cell.pending_variance;
   to.pending_light += cell.pending_light;
 }

@@ -8,16 +8,17 @@
 
 namespace heliograph::host {
 
-/// So many samples that lit a pixel make it known: that one keeps what it has.
-inline constexpr double kKnownFrom = 12;
+/// What so many samples tell is known.
+inline constexpr double kKnownFrom = 8;
 
 /// Sums over the pixels of a cell.
 struct NoiseCell {
   double variance = 0;
   double spread = 0;  // squares of the variances, each over the hits that tell it
-  double weight = 0;  // how much of what is shared a pixel gets: the square of its luminance
-  double dark = 0;    // how many pixels are not known
-  // Of these, what no cell below has shared:
+  double weight = 0;  // how much of what is shared they get
+  double dark = 0;    // how many pixels' light is not known
+  bool known = true;  // light and variance of all of them
+  // Of what is not known, what no cell below has shared:
   double pending_variance = 0;
   double pending_light = 0;
 };
@@ -25,8 +26,8 @@ struct NoiseCell {
 /// A pixel's part of what the cells over it share.
 struct NoiseShare {
   double variance = 0;  // over its weight
-  double light = 0;     // if it is not known
-  double own = 1;       // the part of its own variance and light that has not been shared
+  double light = 0;     // if its own is not known
+  double own = 1;       // the part of its own, where that is not known, that has not been shared
 };
 
 /// Leaves are in row-major order. Where a cell has but one hit of its strength, it may as well be

@@ -152,7 +152,9 @@ std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
 
 SceneSummary ResidentScene::summary() const {
   const auto glows = [](const kernels::VolumeView& volume) { return volume.emission_scale > 0; };
+  const bool uneven = !lights().lights.empty() || !lights().suns.empty() || lights().dome_tables;
   return {.lit = lights().any() || std::ranges::any_of(pieces().volumes->views, glows),
+          .focused = uneven && !pieces().surfaces->focusing.empty(),
           .idle = structure().idle,
           .bounds = placement().bounds};
 }

@@ -24,6 +24,11 @@ constexpr double kSoon = 0.2;
 /// Of the device: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
+/// Samples per pixel before a picture may stop by its noise where light is focused: fewer may have
+/// found none of it, and then none would report it.
+constexpr u32 kFocused = 64;
+static_assert(kFocused % kernels::kBlock == 0);
+
 /// Seconds of a core, about, to find what a world needs.
 constexpr double kOfWorld = 2e-5;
 
@@ -216,7 +221,7 @@ Steps Runner::sample(Film& film) {
     HELIO_CO_TRY(co_await pass(film, {0, film.tiles()}, done, count));
     done += count;
     const bool last = finished(film, done);
-    if (!last && job_->stop.adaptive && done == kernels::kBlock)
+    if (!last && job_->stop.adaptive && done == least_samples())
       co_return co_await sample_noisy(film);
     if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(co_await emit(film, last));
     if (last) co_return Status{};
@@ -260,6 +265,12 @@ Noise Runner::noise_of(const Film& film) const {
   return run_on(context_.backend, [&] { return film.noise(); });
 }
 
+u32 Runner::least_samples() const {
+  const Shot& shot = begun_.shots.front();
+  const auto& scene = shot.open ? shot.open : shot.still;
+  return scene->summary().focused ? kFocused : kernels::kBlock;
+}
+
 u32 Runner::most_samples() const { return job_->stop.spp > 0 ? job_->stop.spp : JobLimits{}.spp; }
 
 u32 Runner::next_pass(u32 done) const {
@@ -288,8 +299,8 @@ bool Runner::finished(Film& film, u32 done) {
     const double budget = stop.seconds / double(job_->cameras.size());
     if (seconds_in_film() * (1 + 0.5 / done) >= budget) return true;
   }
-  if (stop.noise > 0 && !stop.adaptive && done >= kernels::kBlock &&
-      (power_of_two(done) || done % 64 == 0)) {
+  if (stop.noise > 0 && !stop.adaptive && done >= least_samples() &&
+      (power_of_two(done) || done % kFocused == 0)) {
     noise_ = noise_of(film).mean;
     if (noise_ <= stop.noise) return true;
   }

@@ -103,6 +103,8 @@ class Runner {
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
   [[nodiscard]] Noise noise_of(const Film& film) const;
+  /// Per pixel, before noise decides.
+  [[nodiscard]] u32 least_samples() const;
   [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;

@@ -118,3 +118,25 @@ def test_a_shadow_beside_light_is_done(scene):
         spot(edit)
     frame = scene.render("cam", noise=0.05, spp=4096, planes=["beauty"], max_depth=2)
     assert frame.noise <= 0.05 and frame.samples < 4096
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_light_that_glass_focuses_is_looked_for(scene, adaptive):
+    """Few of the first samples meet a caustic: 16 of them tell nothing where there may be one."""
+    with scene.edit() as edit:
+        floor(edit)
+        lamp = hg.Light(power=100.0, shape="sphere", radius=0.3)
+        edit.entity("lamp", light=lamp, transform=hg.Pose((0, 0, 3)))
+        edit.entity("ball", mesh=edit.mesh("ball", **hg.shapes.sphere(0.4)), material="floor")
+        edit.entity("ball", transform=hg.Pose((1, 1, 0.4)))
+        edit.dome(color=1.0)
+    options = {"noise": 1.0, "adaptive": adaptive, "planes": ["beauty"]}
+    assert scene.render("cam", **options).samples == 16
+    with scene.edit() as edit:
+        glass = edit.material("glass", base_color=1.0, transmission=1.0, roughness=0.0)
+        edit.entity("ball", material=glass)
+    assert scene.render("cam", **options).samples == 64
+    assert scene.render("cam", spp=32, **options).samples == 32
+    with scene.edit() as edit:
+        edit.remove("lamp")
+    assert scene.render("cam", **options).samples == 16  # nothing small shines

@@ -50,7 +50,7 @@ void draw(const host::HostFilm& film, Device& device) {
     kernels::add_sample<4>(view, Plane::BEAUTY, i, beauty, true);
     kernels::add_to_group(view, 0, i, vec3(float(i)));
     kernels::add_sample<4>(still, Plane::BEAUTY, i, twice, false);
-    view.moment[i] = view.moment_partial[i] = 1;
+    view.moments[2 * i] = view.moments_partial[2 * i] = 1;
     static_cast<float*>(probed.planes[u32(Plane::DEPTH)])[i] = -float(i);
     static_cast<u32*>(probed.planes[u32(Plane::INSTANCE)])[i] = i;
   }
@@ -95,7 +95,7 @@ TEST_CASE("host film: arrays moved elsewhere lie apart, within as many bytes") {
   std::vector<const std::byte*> arrays;
   for (const void* plane : view.planes) arrays.push_back(static_cast<const std::byte*>(plane));
   for (const float* partial : {view.partial[u32(Plane::BEAUTY)], view.partial[u32(Plane::COVERAGE)],
-                               view.moment, view.moment_partial})
+                               view.moments, view.moments_partial})
     arrays.push_back(reinterpret_cast<const std::byte*>(partial));
   std::erase(arrays, nullptr);
   CHECK(arrays.size() == 6 + 4);  // COVERAGE comes along, VARIANCE has no array of its own

@@ -65,6 +65,8 @@ TEST_CASE("lanes: arithmetic, order and roots are those of floats") {
     check_same([](auto x, auto y) { return rescale_uniform(kernels::abs(x), kernels::abs(y)); }, b,
                b);
     check_same([](auto x, auto) { return to_float(to_int(kernels::abs(x))); }, b, b);
+    check_same([](auto x, auto y) { return atan2_turns(x, y); }, b, b);
+    check_same([](auto x, auto y) { return atan2_turns(x, y); }, a, b);
   }
 }
 
@@ -110,6 +112,8 @@ TEST_CASE("lanes: masks, tables and memory") {
   CHECK_FALSE(all(x > 0));
   const float table[]{5, 6, 7, 8, 9, 10, 11, 12};
   CHECK(bits_of(gather(table, 7 - to_int(x)) == 12 - x) == 0xff);
+  const u16 words[]{9, 8, 7, 6, 5, 4, 3, 2};
+  CHECK(bits_of(gather(words, to_int(x) >> 1) == Ints(IntVector{9, 9, 8, 8, 7, 7, 6, 6})) == 0xff);
   Row3 rows;
   rows = Vec3<Floats>(x, x + 1, x + 2);
   CHECK(rows.get(3) == vec3(3, 4, 5));

@@ -140,6 +140,24 @@ TEST_CASE("lockstep: one lamp, or none, with and without a sky") {
   }
 }
 
+TEST_CASE("lockstep: a dome's picture, with lamps and without, with a guide and without") {
+  const auto [lamps, guided] =
+      GENERATE(std::pair{0u, true}, std::pair{2u, true}, std::pair{2u, false});
+  Random random;
+  std::vector<float> texels;
+  for (u32 i = 0; i < 3 * 48 * 24; ++i)
+    texels.push_back(random.next() < 0.02f ? 30 : random.next());
+  TestScene scene;
+  furnish_plainly(scene, lamps, false);
+  scene.dome_rotation = rotation({1, 1, 0}, 0.6f);
+  scene.set_dome(vec3(0.3f), scene.add_texture(texels, {48, 24}, TexelType::kF32));
+  SceneView view = scene.finish();
+  if (!guided) view.dome.guides = nullptr;
+  REQUIRE(has_plain_lights(view));
+  check_same(view, kBeauty);
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
 TEST_CASE("lockstep: surfaces of every material, side by side") {
   Random random(GENERATE(1u, 2u, 3u, 4u));
   TestScene scene;

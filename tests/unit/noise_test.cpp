@@ -11,15 +11,18 @@ namespace {
 
 constexpr u32 kWidth = 40, kHeight = 32, kPixels = kWidth * kHeight, kSamples = 64;
 
-/// Pixels of luminance 1 with a standard error.
+/// Pixels of luminance 1 with a standard error that all samples tell.
 std::vector<PixelStatistics> lit(float error) {
-  return std::vector(kPixels, PixelStatistics{1, error * error});
+  return std::vector(kPixels, PixelStatistics{1, error * error, kSamples});
 }
 
 /// Adds a sample of luminance `light` to a pixel's statistics.
 void hit(PixelStatistics& s, float light) {
   const float n = kSamples, mean = light / n;
-  s.variance += (light * light / n - mean * mean) / (n - 1);
+  const float added = (light * light / n - mean * mean) / (n - 1);
+  const float spread = s.variance > 0 ? s.variance * s.variance / s.hits : 0;
+  s.variance += added;
+  s.hits = s.variance * s.variance / (spread + added * added);
   s.mean += mean;
 }
 
@@ -36,7 +39,7 @@ Noise noise_of(const std::vector<PixelStatistics>& pixels) {
 TEST_CASE("noise: of known pixels it is the mean of their errors, over the picture and each tile") {
   std::vector pixels = lit(0.1f);
   for (u32 i = 0; i < kPixels; ++i)
-    if (i % kWidth >= 32) pixels[i] = {9, 0};
+    if (i % kWidth >= 32) pixels[i] = {9, 0, 1};
   const Noise noise = noise_of(pixels);
   REQUIRE(noise.tiles.size() == 6);
   for (u32 tile = 0; tile < 6; ++tile) CHECK(noise.tiles[tile] == Approx(tile % 3 < 2 ? 0.1 : 0));
@@ -44,7 +47,7 @@ TEST_CASE("noise: of known pixels it is the mean of their errors, over the pictu
 }
 
 TEST_CASE("noise: a tenth of the pixels that are lit tell of all") {
-  std::vector pixels = std::vector(kPixels, PixelStatistics{0, 0});
+  std::vector pixels = std::vector(kPixels, PixelStatistics{0, 0, 1});
   for (u32 i = 0; i < kPixels; i += 10) hit(pixels[i + i / kWidth % 7], 5);
   CHECK(noise_of(pixels).mean == Approx(std::sqrt(10)).epsilon(0.1));
 }
@@ -68,23 +71,23 @@ TEST_CASE("noise: one bright hit is that of its pixel") {
 TEST_CASE("noise: black beside light has none, nor has what meets nothing, nor a black picture") {
   std::vector pixels = lit(0.1f);
   for (u32 i = 0; i < kPixels; ++i) {
-    if (i % kWidth < 16) pixels[i] = {0, 0};
-    if (i % kWidth >= 32) pixels[i] = {-1, 0};
+    if (i % kWidth < 16) pixels[i] = {0, 0, 1};
+    if (i % kWidth >= 32) pixels[i] = {-1, 0, 0};
   }
   const Noise noise = noise_of(pixels);
   CHECK(noise.tiles[0] == 0);
   CHECK(noise.tiles[1] == Approx(0.1));
   CHECK(noise.tiles[2] == 0);
   CHECK(noise.mean == Approx(0.1 * 16 / 40));
-  CHECK(noise_of(std::vector(kPixels, PixelStatistics{0, 0})).mean == 0);
-  CHECK(noise_of(std::vector(kPixels, PixelStatistics{-1, 0})).mean == 0);
+  CHECK(noise_of(std::vector(kPixels, PixelStatistics{0, 0, 1})).mean == 0);
+  CHECK(noise_of(std::vector(kPixels, PixelStatistics{-1, 0, 0})).mean == 0);
 }
 
 TEST_CASE("noise: it does not depend on the unit of light") {
   std::vector pixels = lit(0.05f);
   for (u32 i = 0; i < kPixels; i += 37) hit(pixels[i], 100);
   const double noise = noise_of(pixels).mean;
-  for (PixelStatistics& s : pixels) s = {s.mean * 1e-12f, s.variance * 1e-24f};
+  for (PixelStatistics& s : pixels) s = {s.mean * 1e-12f, s.variance * 1e-24f, s.hits};
   CHECK(noise_of(pixels).mean == Approx(noise).epsilon(1e-4));
 }
 

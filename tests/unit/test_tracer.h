@@ -176,11 +176,11 @@ class TestFilm {
     }
     view.rank_of_group = rank_of_group_.data();
     for (const u32 rank : rank_of_group_) view.groups += rank != kNone;
-    moment_.assign(size_t(size.x) * size.y, 0);
-    moment_partial_ = moment_;
+    moments_.assign(size_t(size.x) * size.y * 2, 0);
+    moments_partial_ = moments_;
     if (wanted & plane_bit(Plane::BEAUTY)) {
-      view.moment = moment_.data();
-      view.moment_partial = moment_partial_.data();
+      view.moments = moments_.data();
+      view.moments_partial = moments_partial_.data();
     }
   }
   /// A channel of a mean plane.
@@ -200,7 +200,7 @@ class TestFilm {
  private:
   std::vector<u32> rank_of_group_;
   std::vector<float> memory_[kPlanes], partial_[kPlanes];
-  std::vector<float> moment_, moment_partial_;
+  std::vector<float> moments_, moments_partial_;
 };
 
 /// How many values of a mean plane differ by more than a share of the first; 0: in any bit.

@@ -20,8 +20,8 @@ TEST_CASE("math: sine, cosine and arc tangent") {
     const float x = float(3 * std::cos(angle));
     REQUIRE(std::fabs(atan2_turns(y, x) - std::atan2(double(y), double(x)) / (2 * M_PI)) < 1e-7);
   }
-  CHECK(atan2_turns(0, 0) == 0);
-  CHECK(atan2_turns(0, -1) == 0.5f);
+  CHECK(atan2_turns(0.0f, 0.0f) == 0);
+  CHECK(atan2_turns(0.0f, -1.0f) == 0.5f);
 }
 
 TEST_CASE("math: frames are orthonormal and right-handed") {
