@@ -39,12 +39,12 @@ void use_large_pages() {
   if (mallctl("arenas.lookup", &arena, &size, &address, sizeof(address)) != 0) return;
   const std::string name = "arena." + std::to_string(arena) + ".extent_hooks";
   static Hooks hooks;  // jemalloc keeps its address
-  size = sizeof(hooks.own);
+  size = sizeof(void*);
   if (mallctl(name.c_str(), static_cast<void*>(&hooks.own), &size, nullptr, 0) != 0) return;
   static_cast<extent_hooks_t&>(hooks) = *hooks.own;
   hooks.alloc = allocate;
   extent_hooks_t* given = &hooks;
-  (void)mallctl(name.c_str(), nullptr, nullptr, static_cast<void*>(&given), sizeof(given));
+  (void)mallctl(name.c_str(), nullptr, nullptr, static_cast<void*>(&given), size);
 }
 
 }  // namespace heliograph::server
