@@ -268,7 +268,7 @@ Noise Runner::noise_of(const Film& film) const {
 u32 Runner::least_samples() const {
   const Shot& shot = begun_.shots.front();
   const auto& scene = shot.open ? shot.open : shot.still;
-  return scene->summary().focused ? kFocused : kernels::kBlock;
+  return scene && scene->summary().focused ? kFocused : kernels::kBlock;
 }
 
 u32 Runner::most_samples() const { return job_->stop.spp > 0 ? job_->stop.spp : JobLimits{}.spp; }
