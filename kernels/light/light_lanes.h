@@ -9,7 +9,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether lights are sampled in lanes, too: even spheres and a dome that is even or has texels.
+/// True if lights are sampled in lanes, too: even spheres and a dome that is even or has texels.
 KERNEL bool has_plain_lights(const SceneView& scene) {
   const DomeView& dome = scene.dome;
   constexpr u64 kMostTexels = u64(1) << 31;  // that lanes can count

@@ -10,7 +10,7 @@
 
 namespace heliograph {
 
-/// What remarks and stop rules need of a scene that a device has.
+/// Facts of a device's scene that remarks and stop rules need.
 struct SceneSummary {
   bool lit = false;           // something gives off light
   bool focused = false;       // by mirrors or glass that lights, suns or a dome's picture reach

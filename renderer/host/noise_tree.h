@@ -8,7 +8,7 @@
 
 namespace heliograph::host {
 
-/// What so many samples tell is known.
+/// Samples from which on a number that they tell is known.
 inline constexpr double kKnownFrom = 8;
 
 /// Sums over the pixels of a cell.

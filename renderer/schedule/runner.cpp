@@ -28,6 +28,8 @@ constexpr auto kReportEvery = std::chrono::milliseconds(100);
 /// found none of it, and then none would report it.
 constexpr u32 kFocused = 64;
 static_assert(kFocused % kernels::kBlock == 0);
+/// Samples per pixel between two looks at the noise, once there are so many.
+constexpr u32 kLookEvery = 64;
 
 /// Seconds of a core, about, to find what a world needs.
 constexpr double kOfWorld = 2e-5;
@@ -300,7 +302,7 @@ bool Runner::finished(Film& film, u32 done) {
     if (seconds_in_film() * (1 + 0.5 / done) >= budget) return true;
   }
   if (stop.noise > 0 && !stop.adaptive && done >= least_samples() &&
-      (power_of_two(done) || done % kFocused == 0)) {
+      (power_of_two(done) || done % kLookEvery == 0)) {
     noise_ = noise_of(film).mean;
     if (noise_ <= stop.noise) return true;
   }
