@@ -6,6 +6,7 @@
 #include <cstring>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "server/calls/edit_calls.h"
 #include "server/calls/render_task.h"
@@ -169,6 +170,8 @@ class QuickCalls::FastPathConnection final
     CallFacts facts = record_->facts();
     facts.sent_bytes = bytes.size();
     daemon_.call_log.end(std::move(facts), outcome);
+    if (admitted_) admitted_->release_slot();
+    const auto until_sent = std::exchange(admitted_, std::nullopt);  // a drain waits for the reply
     forget();
     is_busy_ = false;
     if (!send(socket_.fd.get(), bytes)) close();
