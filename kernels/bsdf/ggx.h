@@ -128,13 +128,10 @@ inline constexpr float kSchlickMean = 1 / 21.0f;  // the average of Schlick's we
 /// Over all directions, by their cosines.
 template <class F>
 KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
-  const IntOf<F> i = row.row * 2;
-  const F total = gather(kReflectionAverageLoss, i),
-          schlick = gather(kReflectionAverageLoss, i + 1);
-  const F scale = sqr(row.alpha);
-  return {1 - (total + (gather(kReflectionAverageLoss, i + 2) - total) * row.weight) * scale,
-          kSchlickMean -
-              (schlick + (gather(kReflectionAverageLoss, i + 3) - schlick) * row.weight) * scale};
+  const FourOf<F> loss = gather4(kReflectionAverageLoss, row.row * 2);  // two of each row
+  const F total = loss.of[0], schlick = loss.of[1], scale = sqr(row.alpha);
+  return {1 - (total + (loss.of[2] - total) * row.weight) * scale,
+          kSchlickMean - (schlick + (loss.of[3] - schlick) * row.weight) * scale};
 }
 template <class F>
 KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
@@ -143,11 +140,9 @@ KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
   const IntOf<F> column = min2(to_int(max2(place, F(0))), IntOf<F>(kAlbedoCosines - 2));
   const F w = place - to_float(column);
   const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
-  const IntOf<F> second = first + i32(2 * kAlbedoCosines);
-  const auto between = [&](i32 k) {
-    const F a = gather(kReflectionLoss, first + k);
-    return a + (gather(kReflectionLoss, second + k) - a) * row.weight;
-  };
+  const FourOf<F> a = gather4(kReflectionLoss, first);  // two of each column
+  const FourOf<F> b = gather4(kReflectionLoss, first + i32(2 * kAlbedoCosines));
+  const auto between = [&](u32 k) { return a.of[k] + (b.of[k] - a.of[k]) * row.weight; };
   const F total = between(0), schlick = between(1), scale = loss_scale(c, row.alpha);
   return {1 - (total + (between(2) - total) * w) * scale,
           schlick_weight(c) - (schlick + (between(3) - schlick) * w) * scale};
@@ -255,7 +250,8 @@ HELIO_GPU_NOINLINE KERNEL GlassAlbedoOf<F> glass_between(const float* table, u32
     const F weight = i.weight_of(dx) * j.weight_of(dy) * k.weight_of(dz);
     const IntOf<F> row = (i.index + dx) * i32(roughnesses) + j.index + dy;
     const IntOf<F> at = (row * i32(cosines) + k.index + dz) * 4;
-    for (i32 n = 0; n < 4; ++n) sum[n] += gather(table, at + n) * weight;
+    const FourOf<F> entry = gather4(table, at);
+    for (u32 n = 0; n < 4; ++n) sum[n] += entry.of[n] * weight;
   }
   return {sum[0], sum[1], sum[2], sum[3]};
 }

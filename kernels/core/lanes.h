@@ -104,6 +104,10 @@ inline u32 bits_of(Mask m) {
 }
 inline bool any(Mask m) { return bits_of(m) != 0; }
 inline bool all(Mask m) { return bits_of(m) == (1u << kLanes) - 1; }
+/// i where the mask is true, which it is somewhere; elsewhere one of those.
+inline Ints fill(Mask m, Ints i) {
+  return (i.v & m.v) | (Ints(i.v[u32(__builtin_ctz(bits_of(m)))]).v & ~m.v);
+}
 /// Lanes 0 to count - 1.
 inline Mask first_lanes(u32 count) {
   return Ints(IntVector{0, 1, 2, 3, 4, 5, 6, 7}) < Ints(i32(count));
@@ -201,6 +205,26 @@ inline Floats gather(const float* table, Ints i) {
   FloatVector v;
   for (u32 lane = 0; lane < kLanes; ++lane) v[lane] = table[i.v[lane]];
   return v;
+#endif
+}
+
+/// table[i] to table[i + 3] in each lane: rows of four are read whole and transposed, which takes
+/// half of the time of four gather().
+inline FourOf<Floats> gather4(const float* table, Ints i) {
+#if defined(__AVX2__)
+  const auto row = [&](u32 lane) {  // those of a lane, and of the fourth lane after it
+    const __m256 low = _mm256_castps128_ps256(_mm_loadu_ps(table + i.v[lane]));
+    return _mm256_insertf128_ps(low, _mm_loadu_ps(table + i.v[lane + 4]), 1);
+  };
+  const __m256 a = row(0), b = row(1), c = row(2), d = row(3);
+  const __m256 ab01 = _mm256_unpacklo_ps(a, b), ab23 = _mm256_unpackhi_ps(a, b);
+  const __m256 cd01 = _mm256_unpacklo_ps(c, d), cd23 = _mm256_unpackhi_ps(c, d);
+  return {{FloatVector(_mm256_shuffle_ps(ab01, cd01, 0x44)),
+           FloatVector(_mm256_shuffle_ps(ab01, cd01, 0xee)),
+           FloatVector(_mm256_shuffle_ps(ab23, cd23, 0x44)),
+           FloatVector(_mm256_shuffle_ps(ab23, cd23, 0xee))}};
+#else
+  return {{gather(table, i), gather(table, i + 1), gather(table, i + 2), gather(table, i + 3)}};
 #endif
 }
 

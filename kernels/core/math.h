@@ -44,6 +44,8 @@ concept LaneMask = std::is_class_v<M>;
 
 KERNEL bool any(bool b) { return b; }
 KERNEL bool all(bool b) { return b; }
+/// i where the condition is true, which it is somewhere; elsewhere one of those.
+KERNEL u32 fill(bool, u32 i) { return i; }
 template <class T>
 KERNEL T select(bool condition, T a, T b) {
   return condition ? a : b;
@@ -66,6 +68,14 @@ KERNEL float to_float(i32 x) { return float(x); }
 KERNEL float gather(const float* table, i32 i) { return table[i]; }
 KERNEL float gather(const float* table, u32 i) { return table[i]; }
 KERNEL u32 gather(const u16* table, u32 i) { return table[i]; }
+/// Four numbers that lie one after the other.
+template <class F>
+struct FourOf {
+  F of[4];
+};
+KERNEL FourOf<float> gather4(const float* table, i32 i) {
+  return {{table[i], table[i + 1], table[i + 2], table[i + 3]}};
+}
 
 template <class F>
 KERNEL F sqr(F x) {

@@ -37,7 +37,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL F surface_share(const SceneView& scene,
   if (!(scene.sky_power > 0)) return F(1);
   // Of light from everywhere a surface's side receives a quarter.
   const F received = select(to.all_around, F(1), select(to.both, F(0.5f), F(0.25f)));
-  const LightNodeOf<F> root = node_at(scene.light_nodes, IndexOf<F>(0));
+  const auto root = node_for_all<F>(scene.light_nodes[0]);
   return share_of_surfaces(importance(root, to, BoolOf<F>(false)), F(received * scene.sky_power));
 }
 KERNEL float surface_share(const SceneView& scene, const Receiver& from) {

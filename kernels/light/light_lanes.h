@@ -24,34 +24,31 @@ KERNEL Mask takes_sides(const SceneView& scene, const LitPointOf<Floats>& to) {
   return scene.dome.row_cdf ? Mask(false) : to.both;
 }
 
-/// Reads a member of LightNodes, given that of the root.
-struct NodeLanes {
-  Ints place;  // in floats
-
-  explicit NodeLanes(Ints node) : place(node * i32(sizeof(LightNode) / sizeof(float))) {}
-  [[nodiscard]] Floats get(const float& of_root) const { return gather(&of_root, place); }
-  [[nodiscard]] Vec3<Floats> get(const vec3& of_root) const {
-    return Vec3<Floats>(get(of_root.x), get(of_root.y), get(of_root.z));
-  }
-  [[nodiscard]] Ints word(const void* of_root) const {
-    return IntVector(gather(static_cast<const float*>(of_root), place).v);
-  }
-};
+// LightNode in rows of four.
+static_assert(sizeof(LightNode) == 48 && offsetof(LightNode, radius2) == 12 &&
+              offsetof(LightNode, axis) == 16 && offsetof(LightNode, cos_spread) == 28 &&
+              offsetof(LightNode, power) == 32 && offsetof(LightNode, first) == 36 &&
+              offsetof(LightNode, count) == 44 && offsetof(LightNode, two_sided) == 46);
+KERNEL FourOf<Floats> row_of(const LightNode* nodes, Ints i, i32 row) {
+  return gather4(&nodes[0].center.x, i * i32(sizeof(LightNode) / sizeof(float)) + row * 4);
+}
+KERNEL LightLinkOf<Floats> link_of(const FourOf<Floats>& last_row) {
+  return {IntVector(last_row.of[1].v), IntVector(last_row.of[3].v) & 0xffff};
+}
 KERNEL LightLinkOf<Floats> link_at(const LightNode* nodes, Ints i) {
-  const NodeLanes lanes(i);
-  return {lanes.word(&nodes->first), lanes.word(&nodes->count) & 0xffff};
+  return link_of(row_of(nodes, i, 2));
 }
 KERNEL LightNodeOf<Floats> node_at(const LightNode* nodes, Ints i) {
-  static_assert(offsetof(LightNode, two_sided) == offsetof(LightNode, count) + 2);
-  const NodeLanes lanes(i);
-  const Ints last = lanes.word(&nodes->count);
-  return {lanes.get(nodes->center),
-          lanes.get(nodes->radius2),
-          lanes.get(nodes->axis),
-          lanes.get(nodes->cos_spread),
-          lanes.get(nodes->power),
-          !((last & 0xff0000) == 0),
-          {lanes.word(&nodes->first), last & 0xffff}};
+  if (const i32 first = get(i, 0); all(i == first)) return node_for_all<Floats>(nodes[first]);
+  const FourOf<Floats> a = row_of(nodes, i, 0), b = row_of(nodes, i, 1), c = row_of(nodes, i, 2);
+  const Mask two_sided = !((Ints(IntVector(c.of[3].v)) & 0xff0000) == 0);
+  return {Vec3<Floats>(a.of[0], a.of[1], a.of[2]),
+          a.of[3],
+          Vec3<Floats>(b.of[0], b.of[1], b.of[2]),
+          b.of[3],
+          c.of[0],
+          two_sided,
+          link_of(c)};
 }
 
 /// sample_dome() where the dome has texels; else by the cosine to the normal n.
@@ -78,15 +75,12 @@ KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<F
                  Vec2<Floats>(0)};
   if (any(of_tree)) {
     out.light = select(of_tree, link_at(scene.light_nodes, choice.leaf.node).first, Ints(0));
-    constexpr i32 kStride = sizeof(LightView) / sizeof(float);
-    static_assert(sizeof(LightView) % sizeof(float) == 0);
-    const auto field = [&](const float& of_first) {
-      return gather(&of_first, out.light * kStride);
-    };
-    const LightView& first = scene.lights[0];
-    const Vec3<Floats> center(field(first.sphere_center.x), field(first.sphere_center.y),
-                              field(first.sphere_center.z));
-    const Floats radius = field(first.sphere_radius);
+    static_assert(sizeof(LightView) % sizeof(float) == 0 &&
+                  offsetof(LightView, sphere_radius) == offsetof(LightView, sphere_center) + 12);
+    const FourOf<Floats> sphere = gather4(&scene.lights[0].sphere_center.x,
+                                          out.light * i32(sizeof(LightView) / sizeof(float)));
+    const Vec3<Floats> center(sphere.of[0], sphere.of[1], sphere.of[2]);
+    const Floats radius = sphere.of[3];
     const Vec3<Floats> d = center - to.p;
     const SphereLightSample<Floats> s = sample_sphere_light(
         center, radius, to.p, choice.leaf.probability, Vec2<Floats>(choice.leaf.rest, u.y));

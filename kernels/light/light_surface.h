@@ -13,8 +13,8 @@ struct LightSample {
   float pdf;       // 1/sr, the choice of the light included
   u32 light;       // index into SceneView::lights; kNone: the dome or a sun
   u32 sun;         // where there is no light: index into SceneView::suns; kNone: the dome
-  u32 primitive = 0;
-  float time = 0;  // of the ray
+  u32 primitive;   // of a triangle of a mesh
+  float time;      // of the ray
   vec2 place;  // barycentric, meaningless for a shape that is_even(); in the dome's picture, row 0
                // at v = 0
   u32 visibility;  // ray mask bits of the emitting instance

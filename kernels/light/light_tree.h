@@ -136,15 +136,19 @@ struct LightNodeOf {
   BoolOf<F> two_sided;
   LightLinkOf<F> link;
 };
+/// The same one to all points.
+template <class F>
+KERNEL LightNodeOf<F> node_for_all(const LightNode& node) {
+  return {Vec3<F>(node.center),
+          F(node.radius2),
+          Vec3<F>(node.axis),
+          F(node.cos_spread),
+          F(node.power),
+          BoolOf<F>(node.two_sided),
+          {IndexOf<F>(node.first), IndexOf<F>(node.count)}};
+}
 KERNEL LightNodeOf<float> node_at(const LightNode* nodes, u32 i) {
-  const LightNode& node = nodes[i];
-  return {node.center,
-          node.radius2,
-          node.axis,
-          node.cos_spread,
-          node.power,
-          node.two_sided,
-          {node.first, node.count}};
+  return node_for_all<float>(nodes[i]);
 }
 
 /// A node's sphere from a point.
@@ -241,7 +245,7 @@ KERNEL void choose_leaf(const LightNode* nodes, const LitPointOf<F>& to, BoolOf<
   for (;;) {
     const BoolOf<F> inner = wanted & (link.count == 0);
     if (!any(inner)) return;
-    const IndexOf<F> first = select(inner, link.first, IndexOf<F>(0));
+    const IndexOf<F> first = fill(inner, link.first);
     const LightNodeOf<F> a = node_at(nodes, first), b = node_at(nodes, first + 1);
     const F share = first_share(importance(a, to, two_sided), importance(b, to, two_sided));
     const BoolOf<F> second = io.rest >= share;

@@ -189,11 +189,12 @@ class Lockstep {
         missed_[missed++] = active_[i];
         continue;
       }
-      prefetch_triangle(scene_, item.hit);
+      if (scene_.is_large) prefetch_triangle(scene_, item.hit);
       listed_[met++] = active_[i];
     }
     if (scene_.dome.texture != kNone) look_at_dome(missed);
-    for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
+    for (u32 i = 0; scene_.is_large && i < met; ++i)
+      prefetch_corners(scene_, items_[listed_[i]].hit);
     draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
   }
 
@@ -288,20 +289,23 @@ class Lockstep {
                    Floats surfaces, Mask lit) {
     SampledLights lights;
     const LightChoiceOf<Floats> choices = choose_light(scene_, point, surfaces, lit, lanes.light.x);
-    const Mask alone = plain_lights_ ? lit & takes_sides(scene_, point) : lit;
-    if (plain_lights_) sample_all(scene_, lanes, point, choices, surfaces, lights);
-    lights.found = lights.found & !alone;
-    if (any(alone)) sample_each(scene_, lanes, choices, bits_of(alone), lights);
-    const BsdfValueOf<Floats> f =
-        scattered(bsdf, casters, lights.to.direction, lights.to.visibility);
+    lights.alone = plain_lights_ ? lit & takes_sides(scene_, point) : lit;
+    if (plain_lights_) {
+      new (&lights.lanes)
+          LightLanes(sample_plain_lights(scene_, point, choices, surfaces, lanes.light));
+      prefetch_sky(scene_, lights.lanes, lanes.count);
+    }
+    if (any(lights.alone)) sample_each(scene_, lanes, choices, lights);
+    const LightDirectionOf<Floats>& to = lights.lanes.to;
+    const BsdfValueOf<Floats> f = scattered(bsdf, casters, to.direction, to.visibility);
     const TakenLightOf<Floats> taken =
-        take_light(lights.to, f, offset_point(lanes.p, bsdf.ng, lanes.offset, lights.to.direction));
-    const u32 found = bits_of(lights.found & lit & taken.counts);
+        take_light(to, f, offset_point(lanes.p, bsdf.ng, lanes.offset, to.direction));
+    const u32 found = bits_of(lit & (to.pdf > 0) & taken.counts);
     for (u32 i = 0; i < lanes.count; ++i) {
       if (!(found >> i & 1)) continue;
       Item& item = items_[lanes.items[i]];
-      send_taken(context(item), item.path, *lanes.vertices[i], lights.of[i], get(taken, i),
-                 item.values, item.light);
+      send_taken(context(item), item.path, *lanes.vertices[i], get(lights, i, item.time),
+                 get(taken, i), item.values, item.light);
     }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {

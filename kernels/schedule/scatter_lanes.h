@@ -134,19 +134,33 @@ KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
   if constexpr (S == Features::kAll) to.diffuse_through_share = get(b.diffuse_through_share, i);
 }
 
-/// Light that is sampled for each lane: as light.h has it, and what take_light() takes of it.
+/// Light that is sampled for each lane.
 struct SampledLights {
-  LightSample of[kLanes];
-  Mask found = false;
-  LightDirectionOf<Floats> to{};
+  LightLanes lanes{};
+  Mask alone = false;      // of these lanes lights are sampled one by one,
+  LightSample of[kLanes];  // and here
 };
+/// One of them.
+KERNEL LightSample get(const SampledLights& lights, u32 i, float time) {
+  if (get(lights.alone, i)) return lights.of[i];
+  const LightLanes& lanes = lights.lanes;
+  LightSample light;
+  light.direction = get(lanes.to.direction, i);
+  light.light = u32(get(lanes.light, i));
+  light.sun = kNone;
+  light.time = time;
+  light.place = get(lanes.place, i);
+  return light;
+}
 
-/// Samples the chosen lights of lanes that take some, one by one. wanted: bit i is lane i
+/// Samples the chosen lights of lights.alone.
 template <Features S>
 KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes,
-                        const LightChoiceOf<Floats>& choices, u32 wanted, SampledLights& lights) {
+                        const LightChoiceOf<Floats>& choices, SampledLights& lights) {
+  LightDirectionOf<Floats>& all = lights.lanes.to;
+  all.pdf = select(lights.alone, Floats(0), all.pdf);
   for (u32 i = 0; i < lanes.count; ++i) {
-    if (!(wanted >> i & 1)) continue;
+    if (!get(lights.alone, i)) continue;
     LightSample& light = lights.of[i];
     const LeafChoiceOf<Floats>& leaf = choices.leaf;
     const LightChoiceOf<float> choice{
@@ -154,34 +168,20 @@ KERNEL void sample_each(const SceneView& scene, const ScatterLanes<S>& lanes,
         {u32(get(leaf.node, i)), get(leaf.probability, i), get(leaf.rest, i)}};
     const Receiver& receiver = lanes.vertices[i]->receiver;
     if (!sample_light(scene, receiver, choice, get(lanes.light, i), light)) continue;
-    put(lights.found, i, true);
     const LightDirectionOf<float> to = direction_of(light);
-    put(lights.to.direction, i, to.direction);
-    put(lights.to.target, i, to.target);
-    put(lights.to.pdf, i, to.pdf);
-    put(lights.to.visibility, i, to.visibility);
-    put(lights.to.near, i, to.near);
+    put(all.direction, i, to.direction);
+    put(all.target, i, to.target);
+    put(all.pdf, i, to.pdf);
+    put(all.visibility, i, to.visibility);
+    put(all.near, i, to.near);
   }
 }
 
-/// Samples them in lanes: of a scene that has_plain_lights(), but where a point takes_sides().
-template <Features S>
-KERNEL void sample_all(const SceneView& scene, const ScatterLanes<S>& lanes,
-                       const LitPointOf<Floats>& to, const LightChoiceOf<Floats>& choices,
-                       Floats surfaces, SampledLights& lights) {
-  const LightLanes found = sample_plain_lights(scene, to, choices, surfaces, lanes.light);
-  lights.found = found.to.pdf > 0;
-  lights.to = found.to;
-  for (u32 i = 0; i < lanes.count; ++i) {
-    LightSample& light = lights.of[i];
-    light.direction = get(found.to.direction, i);
-    light.light = u32(get(found.light, i));
-    light.sun = kNone;
-    light.time = lanes.vertices[i]->receiver.time;
-    light.place = get(found.place, i);
-    if (scene.dome.texture != kNone)
-      prefetch_texel(scene.textures[scene.dome.texture], light.place);
-  }
+/// Asks for texels of the dome that lights were sampled at.
+KERNEL void prefetch_sky(const SceneView& scene, const LightLanes& lights, u32 count) {
+  if (scene.dome.texture == kNone) return;
+  const TextureView& texture = scene.textures[scene.dome.texture];
+  for (u32 i = 0; i < count; ++i) prefetch_texel(texture, get(lights.place, i));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA
