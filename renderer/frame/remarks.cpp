@@ -207,6 +207,24 @@ std::string about_exposure(const Camera& camera, const Frame& frame) {
   return "sensor_rgb is black: raise the exposure of the camera's sensor, or light the scene";
 }
 
+/// Light groups whose planes are black, of a picture that is not; "": there are none.
+std::string about_groups(const RenderJob& job, const Frame& frame) {
+  const auto group = [](const PlaneData& plane) { return plane.plane == Plane::BEAUTY_GROUP; };
+  std::vector<std::string> dark;
+  std::size_t next = 0;
+  for (const PlaneData& plane : frame.planes | std::views::filter(group)) {
+    const std::string& name = job.groups[next++];
+    const std::span bytes(plane.pixels.data(), plane.pixels.size());
+    const bool is_dark = std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0}; });
+    if (is_dark && !bytes.empty()) dark.push_back(fmt::format("'{}'", name));
+  }
+  if (dark.empty()) return "";
+  return fmt::format(
+      "light group {} is black: none of its light reaches what the camera sees; "
+      "set light_group on a light that does",
+      fmt::join(dark, ", "));
+}
+
 /// What a picture shows nothing of, and why; "": it shows something.
 std::string about_sight(const RenderJob& job, const SceneSummary& scene, const Frame& frame) {
   const PlaneData* beauty = plane_of(frame, Plane::BEAUTY);
@@ -232,6 +250,7 @@ std::vector<std::string> remarks(const RenderJob& job, const SceneSummary& scene
   std::vector<std::string> out = {about_exposure(camera, frame)};
   if (plane_of(frame, Plane::BEAUTY)) out.push_back(about_idle(*job.snapshot, scene.idle));
   out.push_back(about_sight(job, scene, frame));
+  if (out.back().empty()) out.push_back(about_groups(job, frame));
   std::erase(out, "");
   return out;
 }

@@ -20,8 +20,9 @@ struct SceneSummary {
 
 /// Of a frame whose planes are made, a sentence each, with the remedy: a light that shines nowhere,
 /// a sensor's signal that is saturated for the most part or black, a camera that all of the scene
-/// is out of sight of, and why a beauty is black all over: nothing shines, there is nothing to see,
-/// the camera is inside of something, or none is known. None for planes that the host cannot read.
+/// is out of sight of, why a beauty is black all over (nothing shines, there is nothing to see, the
+/// camera is inside of something, or none is known), and light groups that are black where it is
+/// not. None for planes that the host cannot read.
 [[nodiscard]] std::vector<std::string> remarks(const RenderJob& job, const SceneSummary& scene,
                                                const Frame& frame);
 

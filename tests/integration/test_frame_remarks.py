@@ -136,6 +136,22 @@ def test_a_lit_picture_says_nothing(scene, change):
     assert not warnings_of(scene, lit)
 
 
+def test_a_light_group_without_light_is_named(scene):
+    def groups(edit):
+        edit.dome(color=1.0, light_group="sky")
+        edit.entity("prop", light_group="rim")  # has no light of its own
+        lamp(power=9.0, shape="sphere", radius=0.1)(edit)
+        edit.entity("key", light_group="key", visible=False)
+
+    planes = ("beauty", "beauty:sky", "beauty:rim", "beauty:key")
+    [warning] = warnings_of(scene, groups, planes)
+    assert "light group 'rim', 'key' is black" in warning and "set light_group" in warning
+    with scene.edit() as edit:
+        edit.entity("key", visible=True)
+    [warning] = scene.render("cam", planes=["beauty:key", "beauty:rim"], spp=4).warnings
+    assert "light group 'rim' is black" in warning
+
+
 def test_labels_alone_say_nothing(scene):
     assert not warnings_of(scene, lambda edit: None, planes=("depth", "instance"))
 
