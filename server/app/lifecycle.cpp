@@ -143,9 +143,11 @@ void Life::on_buffer_message(u64 id, const BufferMessage& word, ForeignFd fd) {
   }
   if (word.buffer == 0) {
     LocalChannel* channel = daemon_.local_channel.get();
-    session->share_frames([channel, id](u64 buffer, const SharedMemory* memory) {
-      return channel->send(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
-    });
+    session->share_frames(
+        [channel, id](u64 buffer, const SharedMemory* memory) {
+          return channel->send(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
+        },
+        [channel, id] { channel->poll(id); });
     (void)channel->send(id, {}, nullptr);
     return;
   }

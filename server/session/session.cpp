@@ -62,13 +62,13 @@ Expected<std::shared_ptr<SharedFrames>> Session::lending_frames() const {
               "this session maps no buffers, so it was lent none; leave the generation out");
 }
 
-void Session::share_frames(SharedFrames::Send send) {
+void Session::share_frames(SharedFrames::Send send, SharedFrames::Poll poll) {
   if (!shared_frames_.load())
     shared_frames_ = std::make_shared<SharedFrames>(
         SharedRoom::Limits{.bytes = limits_.shared_bytes,
                            .budget = tenant_->ledger.bytes,
                            .descriptors = tenant_->ledger.descriptors},
-        std::move(send));
+        std::move(send), std::move(poll));
 }
 
 void Sessions::resume_for(double seconds, std::map<u64, TenantPtr> kept) {

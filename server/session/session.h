@@ -76,9 +76,9 @@ class Session {
   [[nodiscard]] std::shared_ptr<SharedFrames> shared_frames() const {
     return shared_frames_.load();
   }
-  /// Begins to share frames: the client maps buffers, which `send` announces. Later calls have no
-  /// effect.
-  void share_frames(SharedFrames::Send send);
+  /// Begins to share frames: the client maps buffers, which `send` announces, and returns them in
+  /// messages, which `poll` delivers. Later calls have no effect.
+  void share_frames(SharedFrames::Send send, SharedFrames::Poll poll);
 
   /// Takes a slot for a call; end_call() must follow. RESOURCE_EXHAUSTED when all are taken.
   [[nodiscard]] Status begin_call();

@@ -93,7 +93,14 @@ u64 SharedFrames::new_call() {
   return room_.next_number();
 }
 
+bool SharedFrames::has_free(u64 bytes, const Source& source) {
+  const std::lock_guard lock(mutex_);
+  return smallest_free(bytes, source) != buffers_.end();
+}
+
 std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
+  // Before one is made: the client may have returned some, and the loop not have read it yet.
+  if (source && !has_free(bytes, source)) poll_();
   const std::lock_guard lock(mutex_);
   return source ? lease_of(bytes, call, source) : arenas_.lease(bytes, call);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -28,10 +29,13 @@ class SharedFrames final : public SharedMemoryKeeper,
  public:
   using Source = std::shared_ptr<SharedMemorySource>;
   using Send = SharedRoom::Send;
+  using Poll = std::function<void()>;
 
-  SharedFrames(SharedRoom::Limits limits, Send send)
+  /// poll: delivers what the client has sent so far, such as the ends of leases
+  SharedFrames(SharedRoom::Limits limits, Send send, Poll poll)
       : room_(std::move(limits), std::move(send),
-              [this] { return forget_free_one() || arenas_.let_go(); }) {}
+              [this] { return forget_free_one() || arenas_.let_go(); }),
+        poll_(std::move(poll)) {}
 
   /// Returns a number that no other call of the session has.
   [[nodiscard]] u64 new_call();
@@ -74,6 +78,7 @@ class SharedFrames final : public SharedMemoryKeeper,
   using Buffers = std::unordered_map<u64, Buffer>;
 
   [[nodiscard]] Expected<std::shared_ptr<const LentMemory>> lent(const v1::BufferRef& ref) const;
+  [[nodiscard]] bool has_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   [[nodiscard]] std::shared_ptr<SharedMemory> ask(u64 bytes, SharedMemorySource& source);
@@ -86,6 +91,7 @@ class SharedFrames final : public SharedMemoryKeeper,
   mutable std::mutex mutex_;
   std::atomic<std::thread::id> maker_;  // thread that holds mutex_ while a source allocates
   SharedRoom room_;
+  const Poll poll_;
   Arenas arenas_{room_};  // the host's
   Buffers buffers_;       // of devices
 };

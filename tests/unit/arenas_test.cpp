@@ -23,17 +23,19 @@ struct Stage {
             tenant, Budget::RefusalText{"bytes", "remove some", "tenant_bytes"})),
         descriptors(std::make_shared<Budget>(
             most_descriptors, Budget::RefusalText{"descriptors", "give some back", "descriptors"})),
-        frames(std::make_shared<SharedFrames>(SharedRoom::Limits{limit, budget, descriptors},
-                                              [this](u64 buffer, const SharedMemory* memory) {
-                                                if (!takes) return false;
-                                                if (memory) {
-                                                  told[buffer] = memory->bytes().size();
-                                                  ++announced;
-                                                } else {
-                                                  told.erase(buffer);
-                                                }
-                                                return true;
-                                              })) {}
+        frames(std::make_shared<SharedFrames>(
+            SharedRoom::Limits{limit, budget, descriptors},
+            [this](u64 buffer, const SharedMemory* memory) {
+              if (!takes) return false;
+              if (memory) {
+                told[buffer] = memory->bytes().size();
+                ++announced;
+              } else {
+                told.erase(buffer);
+              }
+              return true;
+            },
+            [] {})) {}
 
   /// A plane that was sent, and that the daemon reads no more.
   [[nodiscard]] std::optional<Lease> sent(u64 bytes, u64 call = 0) const {

@@ -1,5 +1,7 @@
 // Leases of buffers: whose memory they are of, what ends them, what is never used again.
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "renderer/frame/lent_memory.h"
 #include "server/store/shared_frames.h"
@@ -77,7 +79,12 @@ struct Stage {
                         else
                           told.erase(buffer);
                         return true;
+                      },
+                      [this] {
+                        if (const auto ended = std::exchange(unread, std::nullopt))
+                          frames.give_back(ended->buffer, ended->generation);
                       }};
+  std::optional<Lease> unread;  // its end lies in the socket
 };
 
 }  // namespace
@@ -109,6 +116,16 @@ TEST_CASE("shared frames: device memory is used again once its generation came b
     stage.frames.give_back(lease->buffer, lease->generation);
   }
   CHECK(stage.told.size() == 1);
+}
+
+TEST_CASE("shared frames: leases whose ends were not read yet are used before memory is made") {
+  Stage stage;
+  for (int i = 0; i < 20; ++i) {
+    const auto lease = stage.frames.lease(kStep, 1, stage.gpu);
+    REQUIRE(lease);
+    CHECK((stage.gpu->alive == 1 && !stage.unread));
+    stage.unread = lease;
+  }
 }
 
 TEST_CASE("shared frames: what a call left is not used again") {
@@ -215,9 +232,9 @@ TEST_CASE("shared frames: a full device gets back what the session keeps for lat
 
 TEST_CASE("shared frames: what is kept for later makes room for others") {
   Stage stage;
-  const auto frames =
-      std::make_shared<SharedFrames>(SharedRoom::Limits{8 * kStep, stage.budget, stage.descriptors},
-                                     [](u64, const SharedMemory*) { return true; });
+  const auto frames = std::make_shared<SharedFrames>(
+      SharedRoom::Limits{8 * kStep, stage.budget, stage.descriptors},
+      [](u64, const SharedMemory*) { return true; }, [] {});
   const auto held = frames->lease(kStep, 1, stage.gpu);
   const auto free = frames->lease(kStep, 1, stage.gpu);
   const auto host = frames->lease(kStep, 1);
