@@ -21,11 +21,11 @@ const PlaneData* plane_of(const Frame& frame, Plane plane) {
   return found == frame.planes.end() || found->pixels.size() == 0 ? nullptr : &*found;
 }
 
-/// Whether a beauty, of f32 or f16, is black all over.
-bool is_black(const Pixels& pixels, u64 count) {
-  const std::size_t channel = pixels.size() / (4 * count);
+/// Whether a picture of f32 or f16 is black all over. channels: 3, or 4 with an alpha
+bool is_black(const Pixels& pixels, u64 count, u64 channels) {
+  const std::size_t channel = pixels.size() / (channels * count);
   for (u64 i = 0; i < count; ++i) {
-    const std::span color(pixels.data() + i * 4 * channel, 3 * channel);
+    const std::span color(pixels.data() + i * channels * channel, 3 * channel);
     if (std::ranges::any_of(color, [](std::byte b) { return b != std::byte{0}; })) return false;
   }
   return true;
@@ -210,13 +210,13 @@ std::string about_exposure(const Camera& camera, const Frame& frame) {
 /// Light groups whose planes are black, of a picture that is not; "": there are none.
 std::string about_groups(const RenderJob& job, const Frame& frame) {
   const auto group = [](const PlaneData& plane) { return plane.plane == Plane::BEAUTY_GROUP; };
+  const u64 count = u64(frame.width) * frame.height;
   std::vector<std::string> dark;
   std::size_t next = 0;
   for (const PlaneData& plane : frame.planes | std::views::filter(group)) {
     const std::string& name = job.groups[next++];
-    const std::span bytes(plane.pixels.data(), plane.pixels.size());
-    const bool is_dark = std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0}; });
-    if (is_dark && !bytes.empty()) dark.push_back(fmt::format("'{}'", name));
+    if (plane.pixels.size() > 0 && is_black(plane.pixels, count, 3))
+      dark.push_back(fmt::format("'{}'", name));
   }
   if (dark.empty()) return "";
   return fmt::format(
@@ -230,7 +230,7 @@ std::string about_sight(const RenderJob& job, const SceneSummary& scene, const F
   const PlaneData* beauty = plane_of(frame, Plane::BEAUTY);
   const EntityId camera = job.cameras[frame.index];
   std::string why = why_out_of_sight(*job.snapshot->find(camera)->camera, scene.bounds, frame);
-  if (!beauty || !is_black(beauty->pixels, u64(frame.width) * frame.height))
+  if (!beauty || !is_black(beauty->pixels, u64(frame.width) * frame.height, 4))
     return why.empty() ? "" : "nothing of the scene is in sight: " + why;
   if (!scene.lit) why = why_dark(*job.snapshot, scene.idle);
   if (why.empty()) why = why_empty(job, frame);

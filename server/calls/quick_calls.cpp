@@ -178,7 +178,6 @@ class QuickCalls::FastPathConnection final
   }
   /// Releases the call's state: an idle session holds neither a scene nor memory for calls.
   void forget() {
-    admitted_.reset();
     call_ = {};
     reply_ = {};
     cutter_.reset();

@@ -93,20 +93,17 @@ u64 SharedFrames::new_call() {
   return room_.next_number();
 }
 
-bool SharedFrames::has_free(u64 bytes, const Source& source) {
-  const std::lock_guard lock(mutex_);
-  return smallest_free(bytes, source) != buffers_.end();
-}
-
 std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
-  // Before one is made: the client may have returned some, and the loop not have read it yet.
-  if (source && !has_free(bytes, source)) poll_();
-  const std::lock_guard lock(mutex_);
-  return source ? lease_of(bytes, call, source) : arenas_.lease(bytes, call);
-}
-
-std::optional<Lease> SharedFrames::lease_of(u64 bytes, u64 call, const Source& source) {
+  std::unique_lock lock(mutex_);
+  if (!source) return arenas_.lease(bytes, call);
   auto found = smallest_free(bytes, source);
+  if (found == buffers_.end()) {
+    // The client may have returned some, and the loop not have read it yet.
+    lock.unlock();
+    poll_();
+    lock.lock();
+    found = smallest_free(bytes, source);
+  }
   if (found == buffers_.end()) found = make(bytes, source);
   if (found == buffers_.end()) return std::nullopt;
   Buffer& buffer = found->second;

@@ -78,11 +78,9 @@ class SharedFrames final : public SharedMemoryKeeper,
   using Buffers = std::unordered_map<u64, Buffer>;
 
   [[nodiscard]] Expected<std::shared_ptr<const LentMemory>> lent(const v1::BufferRef& ref) const;
-  [[nodiscard]] bool has_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   [[nodiscard]] std::shared_ptr<SharedMemory> ask(u64 bytes, SharedMemorySource& source);
-  [[nodiscard]] std::optional<Lease> lease_of(u64 bytes, u64 call, const Source& source);
   void forget(Buffers::iterator which);
   bool forget_free_one();
   [[nodiscard]] bool forget_free_of(const SharedMemorySource& source);
