@@ -185,10 +185,20 @@ KERNEL TakenLightOf<F> take_light(const LightDirectionOf<F>& light, const BsdfVa
   return taken;
 }
 
+/// What of it reaches the camera if nothing is in the way.
+///
+/// carried   by the path, times the colour that the light takes on where it crosses the surface
+template <class F>
+KERNEL Vec3<F> contribution(const TakenLightOf<F>& taken, Vec3<F> carried, Vec3<F> radiance) {
+  return carried * taken.total * radiance * taken.weight;
+}
+
 /// Sends light that a point has taken along its ray.
+///
+/// radiance   its contribution()
 template <Tracer T, class Point>
 KERNEL void send_taken(const PathContext<T>& c, const Path& path, const Point& at,
-                       const LightSample& light, const TakenLightOf<float>& taken,
+                       const LightSample& light, const TakenLightOf<float>& taken, vec3 radiance,
                        SampleValues& sample, LaterLight& sent) {
   Inside inside;
   if (has_media(c.scene)) {
@@ -200,9 +210,7 @@ KERNEL void send_taken(const PathContext<T>& c, const Path& path, const Point& a
   sent.ray.t_max = taken.ray.end;
   sent.ray.time = c.time;
   sent.ray.holes = hole_key(c, kShadowHoleHash + path.edges);
-  const vec3 color = color_towards(c, path, at, light.direction);
-  sent.light.radiance =
-      path.throughput * color * taken.total * light_radiance(c.scene, light) * taken.weight;
+  sent.light.radiance = radiance;
   sent.light.edges = path.edges + 1;
   sent.light.environment = light.light == kNone;
   sent.light.group = light_group(c.scene, light);
@@ -223,7 +231,10 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   const BsdfValue f = scattered(at, light.direction, light.visibility);
   const TakenLightOf<float> taken =
       take_light(direction_of(light), f, leave_towards(at, light.direction));
-  if (taken.counts) send_taken(c, path, at, light, taken, sample, sent);
+  if (!taken.counts) return;
+  const vec3 carried = path.throughput * color_towards(c, path, at, light.direction);
+  send_taken(c, path, at, light, taken,
+             contribution(taken, carried, light_radiance(c.scene, light)), sample, sent);
 }
 /// The same at once.
 template <Tracer T, class Point>

@@ -69,7 +69,8 @@ HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path,
     v.material.ior = dispersed_ior(v.material, c.sampler.get1(kWavelengthPair));
   v.boundary = boundary_at(c.scene, path.inside, s, path.ray.direction);
   if (v.boundary.meeting == Meeting::kAbsent) return;
-  const vec3 emission = emitted(c.scene, s, v.material, -path.ray.direction);
+  const bool shines = s.light != kNone || !is_black(v.material.emission);
+  const vec3 emission = shines ? emitted(c.scene, s, v.material, -path.ray.direction) : vec3(0);
   const vec3 own = shown(s, v.material);
   v.emission = emission + own;
   if (is_black(v.emission)) return;
@@ -203,7 +204,7 @@ KERNEL void record_guides(const Path& path, const Vertex& v, SampleValues& sampl
 }
 
 /// The path goes on from the vertex in a direction that has been chosen; false when it ends.
-template <Tracer T>
+template <Features S = Features::kAll, Tracer T>
 HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vertex& v,
                                        const DirectionOf<float>& to, SampleValues& sample) {
   const BsdfSample& s = to.sample;
@@ -211,13 +212,14 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
   if (!to.goes_on) return false;
   path.throughput = to.carried.throughput;
   path.radiance_scale = to.carried.radiance_scale;
-  if (kRich && s.lobe == Lobe::kSubsurface) {
+  constexpr bool kAll = kRich && S == Features::kAll;
+  if (kAll && s.lobe == Lobe::kSubsurface) {
     return scatter_inside(c, path, v, sample) && path.edges <= c.settings.max_depth;
   }
   const bool diffuse = s.lobe == Lobe::kDiffuse || s.lobe == Lobe::kDiffuseTransmission;
-  const bool transmitted =
-      s.lobe == Lobe::kTransmission || (kRich && s.lobe == Lobe::kDiffuseTransmission);
-  if (kRich && transmitted && disperses(*v.surface.material, v.material)) {
+  const bool transmitted = S == Features::kAll && (s.lobe == Lobe::kTransmission ||
+                                                   (kRich && s.lobe == Lobe::kDiffuseTransmission));
+  if (kAll && transmitted && disperses(*v.surface.material, v.material)) {
     path.throughput *= color_of_crossing(c, path, v);
     path.dispersed = true;
   }

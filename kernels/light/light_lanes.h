@@ -100,4 +100,15 @@ KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<F
   return out;
 }
 
+/// light_radiance() of what it found, under a dome without a picture.
+KERNEL Vec3<Floats> plain_radiance(const SceneView& scene, const LightLanes& lights) {
+  const Vec3<Floats> sky(scene.dome.radiance);
+  const Mask of_tree = !(lights.light == i32(kNone));
+  if (!any(of_tree)) return sky;
+  const FourOf<Floats> light =
+      gather4(&scene.lights[0].radiance.x,
+              select(of_tree, lights.light, Ints(0)) * i32(sizeof(LightView) / sizeof(float)));
+  return select(of_tree, Vec3<Floats>(light.of[0], light.of[1], light.of[2]), sky);
+}
+
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -359,7 +359,6 @@ struct SceneView {
   bool any_priority;               // some instance has a material with a priority
   bool any_rich;                   // some instance has a material that is_rich()
   bool any_curves;                 // some mesh has curves
-  bool is_large;                   // its meshes do not fit into the caches of a core
   bool plain_rays;                 // no instance moves, deforms, has kMayBeHole or shows curves
   float radius;                    // of a sphere about the scene's bounds, metres
   vec3 center;

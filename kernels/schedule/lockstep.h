@@ -189,12 +189,11 @@ class Lockstep {
         missed_[missed++] = active_[i];
         continue;
       }
-      if (scene_.is_large) prefetch_triangle(scene_, item.hit);
+      prefetch_triangle(scene_, item.hit);
       listed_[met++] = active_[i];
     }
     if (scene_.dome.texture != kNone) look_at_dome(missed);
-    for (u32 i = 0; scene_.is_large && i < met; ++i)
-      prefetch_corners(scene_, items_[listed_[i]].hit);
+    for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
     draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
   }
 
@@ -275,7 +274,7 @@ class Lockstep {
       Item& item = items_[lanes.items[i]];
       bool goes_on = false;
       if (scatter_bits >> i & 1)
-        goes_on = follow(context(item), item.path, v, get(to, i), item.values);
+        goes_on = follow<S>(context(item), item.path, v, get(to, i), item.values);
       else
         record_guides(item.path, v, item.values);
       queue_next(lanes.items[i], goes_on, left);
@@ -301,11 +300,25 @@ class Lockstep {
     const TakenLightOf<Floats> taken =
         take_light(to, f, offset_point(lanes.p, bsdf.ng, lanes.offset, to.direction));
     const u32 found = bits_of(lit & (to.pdf > 0) & taken.counts);
+    Vec3<Floats> carried = lanes.carried.throughput, radiance(0);
+    const bool are_plain = scene_.dome.texture == kNone && !any(lights.alone);
+    if (are_plain) radiance = plain_radiance(scene_, lights.lanes);
+    for (u32 i = 0; i < lanes.count; ++i) {
+      if (!(found >> i & 1)) continue;
+      const Item& item = items_[lanes.items[i]];
+      if (!are_plain) put(radiance, i, light_radiance(scene_, get(lights, i, item.time)));
+      if constexpr (S == Features::kAll) {
+        const vec3 color =
+            color_towards(context(item), item.path, *lanes.vertices[i], get(to.direction, i));
+        put(carried, i, item.path.throughput * color);
+      }
+    }
+    const Vec3<Floats> sent = contribution(taken, carried, radiance);
     for (u32 i = 0; i < lanes.count; ++i) {
       if (!(found >> i & 1)) continue;
       Item& item = items_[lanes.items[i]];
       send_taken(context(item), item.path, *lanes.vertices[i], get(lights, i, item.time),
-                 get(taken, i), item.values, item.light);
+                 get(taken, i), get(sent, i), item.values, item.light);
     }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {

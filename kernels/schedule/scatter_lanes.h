@@ -144,7 +144,7 @@ struct SampledLights {
 KERNEL LightSample get(const SampledLights& lights, u32 i, float time) {
   if (get(lights.alone, i)) return lights.of[i];
   const LightLanes& lanes = lights.lanes;
-  LightSample light;
+  LightSample light{};
   light.direction = get(lanes.to.direction, i);
   light.light = u32(get(lanes.light, i));
   light.sun = kNone;

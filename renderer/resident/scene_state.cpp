@@ -16,16 +16,6 @@ u64 bytes_of(const ChunkedArray<T>& rows, const ChunkedArray<T>* other) {
   return bytes;
 }
 
-constexpr u64 kLargeBytes = u64(8) << 20;
-/// Bytes of the meshes that hits read.
-u64 bytes_of_hits(const std::vector<kernels::MeshView>& meshes) {
-  u64 bytes = 0;
-  for (const kernels::MeshView& mesh : meshes)
-    bytes += mesh.triangle_count * sizeof(uvec3) +
-             mesh.vertex_count * (mesh.normals ? 2 : 1) * sizeof(vec3);
-  return bytes;
-}
-
 }  // namespace
 
 SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span,
@@ -71,7 +61,6 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.light_count = u32(lights->lights.size());
   view_.only_spheres = std::ranges::all_of(
       lights->lights, [](const kernels::LightView& light) { return light.sphere_radius > 0; });
-  view_.is_large = bytes_of_hits(meshes_) > kLargeBytes;
   const Box& bounds = placement->bounds;
   view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
   view_.radius = bounds.empty() ? 1 : 0.5f * glm::length(bounds.upper - bounds.lower);
