@@ -190,6 +190,9 @@ inline Floats sign_of(Floats x) {
 inline Floats copysign(Floats x, Floats sign) {
   return FloatVector((IntVector(x.v) & 0x7fffffff) | (IntVector(sign.v) & i32(0x80000000)));
 }
+inline Floats scale_near_one(Floats x) {
+  return FloatVector(0x7f000000 - (IntVector(x.v) & 0x7f800000));
+}
 inline Ints to_int(Floats x) { return __builtin_convertvector(x.v, IntVector); }
 inline Floats to_float(Ints x) { return __builtin_convertvector(x.v, FloatVector); }
 
@@ -208,23 +211,82 @@ inline Floats gather(const float* table, Ints i) {
 #endif
 }
 
-/// table[i] to table[i + 3] in each lane: rows of four are read whole and transposed, which takes
-/// half of the time of four gather().
-inline FourOf<Floats> gather4(const float* table, Ints i) {
 #if defined(__AVX2__)
-  const auto row = [&](u32 lane) {  // those of a lane, and of the fourth lane after it
-    const __m256 low = _mm256_castps128_ps256(_mm_loadu_ps(table + i.v[lane]));
-    return _mm256_insertf128_ps(low, _mm_loadu_ps(table + i.v[lane + 4]), 1);
+/// Four numbers of each lane, from row(i) of them, transposed.
+template <class R>
+HELIO_ALWAYS_INLINE inline FourOf<Floats> transposed(const R& row) {
+  const auto pair = [&](u32 i) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(row(i)), row(i + 4), 1);
   };
-  const __m256 a = row(0), b = row(1), c = row(2), d = row(3);
+  const __m256 a = pair(0), b = pair(1), c = pair(2), d = pair(3);
   const __m256 ab01 = _mm256_unpacklo_ps(a, b), ab23 = _mm256_unpackhi_ps(a, b);
   const __m256 cd01 = _mm256_unpacklo_ps(c, d), cd23 = _mm256_unpackhi_ps(c, d);
   return {{FloatVector(_mm256_shuffle_ps(ab01, cd01, 0x44)),
            FloatVector(_mm256_shuffle_ps(ab01, cd01, 0xee)),
            FloatVector(_mm256_shuffle_ps(ab23, cd23, 0x44)),
            FloatVector(_mm256_shuffle_ps(ab23, cd23, 0xee))}};
+}
+#endif
+
+/// table[i] to table[i + 3] in each lane: rows of four are read whole and transposed, which takes
+/// half of the time of four gather().
+HELIO_ALWAYS_INLINE inline FourOf<Floats> gather4(const float* table, Ints i) {
+#if defined(__AVX2__)
+  return transposed([&](u32 lane) { return _mm_loadu_ps(table + i.v[lane]); });
 #else
   return {{gather(table, i), gather(table, i + 1), gather(table, i + 2), gather(table, i + 3)}};
+#endif
+}
+
+/// at(i)[0] to at(i)[3] of each lane i.
+template <class A>
+HELIO_ALWAYS_INLINE inline FourOf<Floats> read4(const A& at) {
+#if defined(__AVX2__)
+  return transposed([&](u32 lane) { return _mm_loadu_ps(at(lane)); });
+#else
+  FourOf<Floats> four;
+  for (u32 lane = 0; lane < kLanes; ++lane)
+    for (u32 k = 0; k < 4; ++k) four.of[k].v[lane] = at(lane)[k];
+  return four;
+#endif
+}
+/// The three numbers there; what lies after them is not read.
+template <class A>
+HELIO_ALWAYS_INLINE inline Vec3<Floats> read3(const A& at) {
+#if defined(__AVX2__)
+  const __m128i three = _mm_setr_epi32(-1, -1, -1, 0);
+  const FourOf<Floats> four =
+      transposed([&](u32 lane) { return _mm_maskload_ps(at(lane), three); });
+  return Vec3<Floats>(four.of[0], four.of[1], four.of[2]);
+#else
+  Vec3<Floats> v;
+  for (u32 lane = 0; lane < kLanes; ++lane)
+    v.x.v[lane] = at(lane)[0], v.y.v[lane] = at(lane)[1], v.z.v[lane] = at(lane)[2];
+  return v;
+#endif
+}
+/// Writes four numbers of each lane of `bits` to at(lane)[0] to at(lane)[3].
+template <class A>
+HELIO_ALWAYS_INLINE inline void write4(const A& at, u32 bits, Floats x, Floats y, Floats z,
+                                       Floats w) {
+#if defined(__AVX2__)
+  const __m256 xy01 = _mm256_unpacklo_ps(__m256(x.v), __m256(y.v));
+  const __m256 xy23 = _mm256_unpackhi_ps(__m256(x.v), __m256(y.v));
+  const __m256 zw01 = _mm256_unpacklo_ps(__m256(z.v), __m256(w.v));
+  const __m256 zw23 = _mm256_unpackhi_ps(__m256(z.v), __m256(w.v));
+  const __m256 pairs[4] = {_mm256_shuffle_ps(xy01, zw01, 0x44), _mm256_shuffle_ps(xy01, zw01, 0xee),
+                           _mm256_shuffle_ps(xy23, zw23, 0x44),
+                           _mm256_shuffle_ps(xy23, zw23, 0xee)};
+  for (u32 lane = 0; lane < kLanes / 2; ++lane) {
+    if (bits >> lane & 1) _mm_storeu_ps(at(lane), _mm256_castps256_ps128(pairs[lane]));
+    if (bits >> (lane + 4) & 1) _mm_storeu_ps(at(lane + 4), _mm256_extractf128_ps(pairs[lane], 1));
+  }
+#else
+  for (u32 lane = 0; lane < kLanes; ++lane) {
+    if (!(bits >> lane & 1)) continue;
+    at(lane)[0] = x.v[lane], at(lane)[1] = y.v[lane], at(lane)[2] = z.v[lane];
+    at(lane)[3] = w.v[lane];
+  }
 #endif
 }
 

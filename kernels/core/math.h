@@ -10,6 +10,8 @@ template <class F>
 using Vec2 = glm::vec<2, F>;
 template <class F>
 using Vec3 = glm::vec<3, F>;
+template <class F>
+using Mat4x3 = glm::mat<4, 3, F>;
 
 /// What integers, truth and enumerations are where numbers are F.
 template <class F>
@@ -115,7 +117,10 @@ template <class F>
 KERNEL BoolOf<F> is_black(Vec3<F> v) {
   return (v.x == 0) & (v.y == 0) & (v.z == 0);
 }
-KERNEL vec3 abs3(vec3 v) { return vec3(std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)); }
+template <class F>
+KERNEL Vec3<F> abs3(Vec3<F> v) {
+  return Vec3<F>(abs(v.x), abs(v.y), abs(v.z));
+}
 /// By component, as GLM's.
 template <class F>
 KERNEL Vec3<F> min3(Vec3<F> a, Vec3<F> b) {
@@ -136,16 +141,20 @@ KERNEL F luminance(Vec3<F> c) {
   return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z;
 }
 
-template <class F>
-KERNEL Vec3<F> transform_vector(const mat4x3& m, Vec3<F> v) {
+template <class M, class F>
+KERNEL Vec3<F> transform_vector(const Mat4x3<M>& m, Vec3<F> v) {
   return Vec3<F>(m[0].x * v.x + m[1].x * v.y + m[2].x * v.z,
                  m[0].y * v.x + m[1].y * v.y + m[2].y * v.z,
                  m[0].z * v.x + m[1].z * v.y + m[2].z * v.z);
 }
-KERNEL vec3 transform_point(const mat4x3& m, vec3 p) { return transform_vector(m, p) + m[3]; }
+template <class F>
+KERNEL Vec3<F> transform_point(const Mat4x3<F>& m, Vec3<F> p) {
+  return transform_vector(m, p) + m[3];
+}
 /// Takes a normal along the inverse of `inverse`; the result is not unit.
-KERNEL vec3 transform_normal(const mat4x3& inverse, vec3 n) {
-  return vec3(dot(inverse[0], n), dot(inverse[1], n), dot(inverse[2], n));
+template <class F>
+KERNEL Vec3<F> transform_normal(const Mat4x3<F>& inverse, Vec3<F> n) {
+  return Vec3<F>(dot(inverse[0], n), dot(inverse[1], n), dot(inverse[2], n));
 }
 
 /// Unit vector along v, or `otherwise` when v has no direction. Lengths from 1e-18 to 1e18; see
@@ -162,7 +171,10 @@ KERNEL float scale_near_one(float x) {
 }
 /// v times a power of two that brings its largest component into [1, 2): the same direction to the
 /// last bit. Of a component in [2^-126, 2^127).
-KERNEL vec3 near_one(vec3 v) { return v * scale_near_one(max_component(abs3(v))); }
+template <class F>
+KERNEL Vec3<F> near_one(Vec3<F> v) {
+  return v * scale_near_one(max_component(abs3(v)));
+}
 
 /// An orthonormal, right-handed basis; local z is n.
 template <class F>

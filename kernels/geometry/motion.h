@@ -61,10 +61,12 @@ KERNEL mat4x3 inverse_of(const mat4x3& m) {
 }
 
 /// The pose of an instance at one time.
-struct ObjectPose {
-  mat4x3 world_from_object;
-  mat4x3 object_from_world;
+template <class F>
+struct ObjectPoseOf {
+  Mat4x3<F> world_from_object;
+  Mat4x3<F> object_from_world;
 };
+using ObjectPose = ObjectPoseOf<float>;
 KERNEL ObjectPose pose_at(const SceneView& scene, const InstanceView& instance, float time) {
   if (instance.segments == 0) return {instance.world_from_object, instance.object_from_world};
   const Segment s = segment_at(instance.segments, time);

@@ -41,10 +41,12 @@ KERNEL CornersOf<V> corners_at(const MeshView& mesh, uvec3 triangle, float time)
 
 /// A point of a surface in object space, its normal of any length, and corners that are as large as
 /// the numbers that it was computed from.
-struct PrimitiveSurface {
-  vec3 p, normal;
-  Corners extent;
+template <class F>
+struct PrimitiveSurfaceOf {
+  Vec3<F> p, normal;
+  CornersOf<Vec3<F>> extent;
 };
+using PrimitiveSurface = PrimitiveSurfaceOf<float>;
 
 struct Triangles {
   template <class Box>
@@ -52,9 +54,12 @@ struct Triangles {
     const vec3* positions = mesh.positions + u64(key) * mesh.vertex_count;
     for (int k = 0; k < 3; ++k) box.extend(positions[mesh.triangles[primitive][k]]);
   }
-  KERNEL static PrimitiveSurface surface(const PrimitiveAt& at, vec2 weights) {
-    const Corners c = corners_at(at.mesh, at.mesh.triangles[at.primitive], at.time);
+  template <class F>
+  KERNEL static PrimitiveSurfaceOf<F> surface(const CornersOf<Vec3<F>>& c, Vec2<F> weights) {
     return {c.a + c.ab * weights.x + c.ac * weights.y, cross(c.ab, c.ac), c};
+  }
+  KERNEL static PrimitiveSurface surface(const PrimitiveAt& at, vec2 weights) {
+    return surface(corners_at(at.mesh, at.mesh.triangles[at.primitive], at.time), weights);
   }
 };
 

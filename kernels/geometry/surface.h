@@ -2,6 +2,8 @@
 // probe.h; everything is recomputed from (instance, primitive, barycentrics).
 #pragma once
 
+#include <cstddef>
+
 #include "kernels/geometry/primitive.h"
 #include "kernels/material/material.h"
 #include "kernels/scene/ray.h"
@@ -20,13 +22,15 @@ struct ShadingPointOf {
 };
 using ShadingPoint = ShadingPointOf<float>;
 
-/// A point of a surface, seen from its front (counter-clockwise) side. World space.
+/// A point of a surface, seen from its front (counter-clockwise) side. World space. It begins with
+/// rows of four numbers, which lanes read and write.
 struct Surface {
   vec3 p;
-  vec3 ng;       // unit, geometric
-  vec3 ns;       // unit, shading, in the hemisphere of ng
   float offset;  // metres along ng that leave the surface for certain
+  vec3 ng;       // unit, geometric
   float time;    // of the ray that met it
+  vec3 ns;       // unit, shading, in the hemisphere of ng
+  u32 light;     // index into SceneView::lights, or kNone
   ObjectPose pose;
   const InstanceView* instance;
   const MeshView* mesh;
@@ -34,12 +38,15 @@ struct Surface {
   uvec3 triangle;
   vec2 barycentric;  // of a curve: share of the way from point a to b, and turns around
   u32 part;          // mesh part
-  u32 light;         // index into SceneView::lights, or kNone
 };
+static_assert(offsetof(Surface, ng) == 16 && offsetof(Surface, ns) == 32);
 
+template <class F>
+KERNEL Vec3<F> interpolate(Vec3<F> a, Vec3<F> b, Vec3<F> c, Vec2<F> barycentric) {
+  return a + (b - a) * barycentric.x + (c - a) * barycentric.y;
+}
 KERNEL vec3 interpolate(const vec3* values, uvec3 triangle, vec2 barycentric) {
-  const vec3 a = values[triangle.x];
-  return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
+  return interpolate(values[triangle.x], values[triangle.y], values[triangle.z], barycentric);
 }
 
 /// The interpolated vertex normal of a mesh that has normals; not unit, object space.
@@ -57,11 +64,12 @@ KERNEL vec3 vertex_normal_at(const MeshView& mesh, uvec3 triangle, vec2 barycent
 /// of the point: the point of a large triangle near the origin is as uncertain as its corners.
 /// After Wächter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", Ray
 /// Tracing Gems chapter 6, which takes the point's magnitude.
-KERNEL float plane_error(const mat4x3& world_from_object, const Corners& c, vec3 ng) {
-  const vec3 largest = abs3(c.a) + max3(abs3(c.ab), abs3(c.ac));
-  const vec3 bound = abs3(world_from_object[0]) * largest.x +
-                     abs3(world_from_object[1]) * largest.y +
-                     abs3(world_from_object[2]) * largest.z + abs3(world_from_object[3]);
+template <class F>
+KERNEL F plane_error(const Mat4x3<F>& world_from_object, const CornersOf<Vec3<F>>& c, Vec3<F> ng) {
+  const Vec3<F> largest = abs3(c.a) + max3(abs3(c.ab), abs3(c.ac));
+  const Vec3<F> bound = abs3(world_from_object[0]) * largest.x +
+                        abs3(world_from_object[1]) * largest.y +
+                        abs3(world_from_object[2]) * largest.z + abs3(world_from_object[3]);
   return 0x1p-19f * (dot(abs3(ng), bound) + 0.0625f * max_component(bound));
 }
 
@@ -200,9 +208,32 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 bumped_normal(const SceneView& scene
   return normalize_or(ns * std::fabs(det) - gradient * (det < 0 ? -1.0f : 1.0f), ns);
 }
 
-/// The surface without its shading: ns is the geometric normal.
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u32 instance_index,
-                                                      u32 primitive, vec2 barycentric, float time) {
+/// Where a surface is, as Surface has it.
+template <class F>
+struct WorldSurfaceOf {
+  Vec3<F> p, ng;
+  F offset;
+};
+template <class F>
+KERNEL WorldSurfaceOf<F> world_surface(const ObjectPoseOf<F>& pose,
+                                       const PrimitiveSurfaceOf<F>& own) {
+  WorldSurfaceOf<F> world;
+  world.p = transform_point(pose.world_from_object, own.p);
+  world.ng = normalize_or(transform_normal(pose.object_from_world, near_one(own.normal)),
+                          Vec3<F>(F(0), F(0), F(1)));
+  world.offset = plane_error(pose.world_from_object, own.extent, world.ng);
+  return world;
+}
+/// An interpolated vertex normal in world space, in the hemisphere of ng.
+template <class F>
+KERNEL Vec3<F> world_normal(const ObjectPoseOf<F>& pose, Vec3<F> n, Vec3<F> ng) {
+  const Vec3<F> ns = normalize_or(transform_normal(pose.object_from_world, n), ng);
+  return select(dot(ns, ng) < 0, -ns, ns);
+}
+
+/// What a ray has met, but not where: p, ng, ns and offset are unset.
+KERNEL Surface met_surface(const SceneView& scene, u32 instance_index, u32 primitive,
+                           vec2 barycentric, float time) {
   Surface s;
   s.time = time;
   s.instance = &scene.instances[instance_index];
@@ -218,33 +249,40 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u3
   s.part = part_of(*s.mesh, primitive);
   s.material = &material_of(scene, *s.instance, s.part);
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
-
   s.pose = pose_at(scene, *s.instance, time);
-  const PrimitiveSurface own = primitive_surface({*s.mesh, primitive, time}, barycentric);
-  s.p = transform_point(s.pose.world_from_object, own.p);
-  s.ng =
-      normalize_or(transform_normal(s.pose.object_from_world, near_one(own.normal)), vec3(0, 0, 1));
-  s.offset = plane_error(s.pose.world_from_object, own.extent, s.ng);
-  s.ns = s.ng;
+  return s;
+}
+
+/// The surface without its shading: ns is the geometric normal.
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL Surface locate(const SceneView& scene, u32 instance_index,
+                                                      u32 primitive, vec2 barycentric, float time) {
+  Surface s = met_surface(scene, instance_index, primitive, barycentric, time);
+  const WorldSurfaceOf<float> world =
+      world_surface(s.pose, primitive_surface({*s.mesh, primitive, time}, barycentric));
+  s.p = world.p;
+  s.ng = world.ng;
+  s.ns = world.ng;
+  s.offset = world.offset;
   return s;
 }
 
 /// The normal of a located surface, interpolated between vertices.
 KERNEL vec3 vertex_normal(const Surface& s) {
   if (!s.mesh->normals) return s.ng;
-  const vec3 n = vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time);
-  const vec3 ns = normalize_or(transform_normal(s.pose.object_from_world, n), s.ng);
-  return dot(ns, s.ng) < 0 ? -ns : ns;
+  return world_normal(s.pose, vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time), s.ng);
 }
 
-/// The shading normal of a located surface: interpolated, then tilted by the material's textures.
-HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 shading_normal(const SceneView& scene,
-                                                           const Surface& s) {
-  vec3 ns = vertex_normal(s);
+/// The normal ns of a located surface, tilted by the material's textures.
+KERNEL vec3 tilted_normal(const SceneView& scene, const Surface& s, vec3 ns) {
   const MaterialView& material = *s.material;
   if (material.bump_map.texture != kNone) ns = bumped_normal(scene, s, ns);
   if (material.normal_map.texture != kNone) ns = mapped_normal(scene, s, material.normal_map, ns);
   return ns;
+}
+/// The shading normal of a located surface: interpolated, then tilted.
+HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 shading_normal(const SceneView& scene,
+                                                           const Surface& s) {
+  return tilted_normal(scene, s, vertex_normal(s));
 }
 
 /// The normal of the clearcoat.

@@ -55,12 +55,12 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
                     light_pdf(scene, receiver_of(path), from_vertex, path.ray.direction, light));
 }
 
-/// The path meets a surface: finds out what it is and counts what it emits.
+/// The path meets a surface: finds out what its material is and counts what it emits.
+///
+/// v   its surface is set
 template <Tracer T>
 HELIO_ALWAYS_INLINE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hit& hit,
                                             Vertex& v, SampleValues& sample) {
-  new (&v.surface)  // in place: these are large
-      Surface(surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time));
   const Surface& s = v.surface;
   path.cone.width += path.cone.spread * hit.t;
   new (&v.material) MaterialValues(material_at(c.scene, s, ~kAlphaBit, path.cone.width));
@@ -97,9 +97,8 @@ KERNEL BoolOf<F> set_scattering(const SceneView& scene, const MaterialValuesOf<F
   }
   return any_light;
 }
-template <Tracer T>
-KERNEL bool looks_for_casters(const PathContext<T>& c, const Path& path) {
-  return path.edges <= kCasterEdges && c.scene.caster_count > 0;
+KERNEL bool looks_for_casters(const SceneView& scene, const Path& path) {
+  return path.edges <= kCasterEdges && scene.caster_count > 0;
 }
 
 /// Where paths go on from surfaces.
@@ -234,9 +233,8 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
 }
 
 /// Whether the path's vertex is its last: it is met, and takes no light.
-template <Tracer T>
-KERNEL bool is_last(const PathContext<T>& c, const Path& path) {
-  return path.edges >= c.settings.max_depth;
+KERNEL bool is_last(const Settings& settings, const Path& path) {
+  return path.edges >= settings.max_depth;
 }
 
 /// The surface that the path has come to scatters light; false when the path ends.
@@ -249,20 +247,22 @@ HELIO_ALWAYS_INLINE KERNEL bool scatter(const PathContext<T>& c, Path& path, Ver
   ShadingPoint at = shading_point(c.scene, s, v.material, -path.ray.direction);
   at.outside = v.boundary.outside;
   CasterCones& casters = *v.casters;
-  if (!set_scattering(c.scene, v.material, at, s.p, looks_for_casters(c, path), v.bsdf, casters)) {
+  if (!set_scattering(c.scene, v.material, at, s.p, looks_for_casters(c.scene, path), v.bsdf,
+                      casters)) {
     record_guides(path, v, sample);
     return false;
   }
   set_receiver(v, c.time);
   v.receiver.surface_share = surface_share(c.scene, v.receiver);
-  if (light && !is_last(c, path) && has_lights(c.scene) && has_smooth_lobe(v.bsdf))
+  if (light && !is_last(c.settings, path) && has_lights(c.scene) && has_smooth_lobe(v.bsdf))
     sample_light(c, path, v, sample, *light);
   const bool chooses = casters.probability > 0 || chooses_lobe(v.bsdf);
   const float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
-  const DirectionOf<float> to = choose_direction(
-      v.bsdf, casters, v.material.subsurface_color, carried_by(path), roulette_begins(c, path),
-      choice, u, [&] { return c.sampler.get2(vertex_pair(path, kChancePair)).y; });
+  const DirectionOf<float> to =
+      choose_direction(v.bsdf, casters, v.material.subsurface_color, carried_by(path),
+                       roulette_begins(c.settings, path), choice, u,
+                       [&] { return c.sampler.get2(vertex_pair(path, kChancePair)).y; });
   return follow(c, path, v, to, sample);
 }
 
@@ -320,18 +320,31 @@ HELIO_ALWAYS_INLINE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
   return {end, flight};
 }
 
+/// Sets the surface of a vertex at a hit.
+struct SurfaceAt {
+  const SceneView& scene;
+  const Hit& hit;
+  float time;
+
+  HELIO_ALWAYS_INLINE KERNEL void operator()(Vertex& v) const {
+    new (&v.surface)  // in place: these are large
+        Surface(surface_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time));
+  }
+};
+
 /// What becomes of a path where its ray ends.
 enum class Met : u8 { kEnd, kPassage, kSurface };
 
 /// The path has set out and its ray has met something, or nothing: it ends there, goes on, or comes
 /// to a surface whose light it is to scatter().
 ///
-/// v     the surface, if it meets one
-/// sky   where the ray leaves the scene: its place in the dome if that is known, else null
-template <Tracer T>
+/// v         the surface, if it meets one
+/// surface   sets that of v where the ray has met something; called only if the path comes there
+/// sky       where the ray leaves the scene: its place in the dome if that is known, else null
+template <Tracer T, class S>
 HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const Reach& reach,
                                       const Hit& hit, Vertex& v, SampleValues& sample,
-                                      const DomePlace* sky = nullptr) {
+                                      const S& surface, const DomePlace* sky = nullptr) {
   const auto passes = [](bool goes_on) { return goes_on ? Met::kPassage : Met::kEnd; };
   ++sample.rays;
   Collision at{};
@@ -347,6 +360,7 @@ HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const
     return Met::kEnd;
   }
   sample.hit = true;
+  surface(v);
   hit_surface(c, path, hit, v, sample);
   if (kRich && v.boundary.meeting != Meeting::kScatters) return passes(pass_surface(path, v));
   if (path.edges == 1 && wants_rich(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
@@ -357,7 +371,7 @@ HELIO_ALWAYS_INLINE KERNEL Met arrive(const PathContext<T>& c, Path& path, const
     sample.diffuse_color =
         m.base_color * ((1 - m.metallic) * (1 - m.transmission) * (1 - m.diffuse_transmission));
   }
-  if (is_last(c, path) && path.guided) return Met::kEnd;
+  if (is_last(c.settings, path) && path.guided) return Met::kEnd;
   if (!v.surface.material->unlit && !is_black(v.material)) return Met::kSurface;
   record_guides(path, v, sample);
   return Met::kEnd;
@@ -370,7 +384,7 @@ HELIO_ALWAYS_INLINE KERNEL bool advance(const PathContext<T>& c, Path& path, con
   CasterCones casters;
   Vertex v;
   v.casters = &casters;
-  const Met met = arrive(c, path, reach, hit, v, sample);
+  const Met met = arrive(c, path, reach, hit, v, sample, SurfaceAt{c.scene, hit, c.time});
   return met == Met::kSurface ? scatter(c, path, v, sample, light) : met == Met::kPassage;
 }
 

@@ -176,9 +176,8 @@ KERNEL BoolOf<F> survives(Vec3<F>& throughput, F radiance_scale, BoolOf<F> begun
 }
 
 /// Whether there is roulette at the path's vertex.
-template <Tracer T>
-KERNEL bool roulette_begins(const PathContext<T>& c, const Path& path) {
-  return path.edges >= c.settings.roulette_depth;
+KERNEL bool roulette_begins(const Settings& settings, const Path& path) {
+  return path.edges >= settings.roulette_depth;
 }
 
 /// Of a path that has gone on.

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "kernels/camera/camera_lanes.h"
+#include "kernels/geometry/surface_lanes.h"
 #include "kernels/schedule/scatter_lanes.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -217,38 +218,64 @@ class Lockstep {
   void arrive() {
     u32 left = 0;
     lit_count_ = 0;
+    u32 met = 0;
     for (u32 i = 0; i < active_count_; ++i) {
-      Item& item = items_[active_[i]];
-      item.light.ray.t_max = 0;
-      Vertex& v = *free_[free_count_ - 1];
-      const PathContext<T> c = context(item);
-      const Met met =
-          kernels::arrive(c, item.path, item.reach, item.hit, v, item.values, &item.sky);
-      if (met != Met::kSurface) {
-        queue_next(active_[i], met == Met::kPassage, left);
-        continue;
-      }
-      --free_count_;
-      const Company company = company_of(v.material, v.surface.material->thin_walled);
-      if (company == Company::kOpaque)
-        join(opaque_, c, item.path, v, active_[i], left);
+      const u32 index = active_[i];
+      items_[index].light.ray.t_max = 0;
+      if (items_[index].hit.instance == kNone)
+        arrive(index, *free_[--free_count_], left);
       else
-        join(others_[u32(company) - 1], c, item.path, v, active_[i], left);
+        listed_[met++] = index;
+    }
+    for (u32 begin = 0; begin < met; begin += kLanes) {
+      HitLanes hits;
+      Vertex* vertices[kLanes];
+      for (u32 i = begin; i < met && hits.count < kLanes; ++i) {
+        const Item& item = items_[listed_[i]];
+        Vertex& v = *free_[--free_count_];
+        vertices[hits.count] = &v;
+        hits.hits[hits.count] = &item.hit;
+        hits.times[hits.count] = item.time;
+        hits.to[hits.count++] = &v.surface;
+      }
+      surfaces_at(scene_, hits);
+      for (u32 i = 0; i < hits.count; ++i) arrive(listed_[begin + i], *vertices[i], left);
     }
     if (opaque_.count > 0) scatter(opaque_, left);
     for (ScatterLanes<Features::kAll>& lanes : others_)
       if (lanes.count > 0) scatter(lanes, left);
     active_count_ = left;
   }
+  /// v   free; holds the surface if the item has met one
+  void arrive(u32 index, Vertex& v, u32& left) {
+    Item& item = items_[index];
+    const PathContext<T> c = context(item);
+    const Met met = kernels::arrive(
+        c, item.path, item.reach, item.hit, v, item.values, [](const Vertex&) {}, &item.sky);
+    if (met != Met::kSurface) {
+      free_[free_count_++] = &v;
+      queue_next(index, met == Met::kPassage, left);
+      return;
+    }
+    const Company company = company_of(v.material, v.surface.material->thin_walled);
+    if (company == Company::kOpaque)
+      join(opaque_, v, index, left);
+    else
+      join(others_[u32(company) - 1], v, index, left);
+  }
   template <Features S>
-  void join(ScatterLanes<S>& lanes, const PathContext<T>& c, const Path& path, Vertex& v, u32 index,
-            u32& left) {
-    kernels::add(lanes, c, path, v, index);
+  void join(ScatterLanes<S>& lanes, Vertex& v, u32 index, u32& left) {
+    const u32 lane = lanes.count++;
+    lanes.items[lane] = index;
+    lanes.paths[lane] = &items_[index].path;
+    lanes.numbers[lane] = &items_[index].numbers;
+    lanes.vertices[lane] = &v;
     if (lanes.count == kLanes) scatter(lanes, left);
   }
   /// scatter() of path.h, in lanes.
   template <Features S>
   void scatter(ScatterLanes<S>& lanes, u32& left) {
+    read(scene_, settings_, lanes);
     BsdfOf<Floats, S> bsdf;
     CasterConesOf<Floats> casters;
     const Mask all = first_lanes(lanes.count);
@@ -350,8 +377,8 @@ class Lockstep {
   CameraLanes camera_rays_{};
   ScatterLanes<Features::kOpaque> opaque_;
   ScatterLanes<Features::kAll> others_[kCompanies - 1];
-  // Of those that wait in lanes, and of the one that arrives.
-  static constexpr u32 kVertices = kCompanies * (kLanes - 1) + 1;
+  // Of those that wait in lanes, and of those that arrive.
+  static constexpr u32 kVertices = kCompanies * (kLanes - 1) + kLanes;
   Vertex vertices_[kVertices];
   Vertex* free_[kVertices];
   u32 free_count_ = 0;

@@ -18,15 +18,49 @@ KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
   return m.transmission > 0 ? Company::kGlass : Company::kCovered;
 }
 
-/// Parameters of materials that decide how they scatter light: of opaque ones, and of the others.
-#define HELIO_OPAQUE_PARAMETERS(X) \
-  X(base_color)                    \
-  X(metallic)                      \
-  X(roughness)                     \
-  X(specular)                      \
-  X(specular_color)                \
-  X(ior)                           \
-  X(specular_tint)
+/// Paths that wait at surfaces, at most kLanes of them.
+struct Waiting {
+  u32 count = 0;
+  u32 items[kLanes];  // of the paths, as their driver numbers them
+  const Path* paths[kLanes];
+  const DrawnPairs* numbers[kLanes];  // the pairs of their vertices
+  Vertex* vertices[kLanes];
+};
+
+/// Those, side by side. Lanes that hold none have what the first has; parameters that no surface
+/// here has are zeros.
+template <Features S>
+struct ScatterLanes : Waiting {
+  MaterialValuesOf<Floats> material{};
+  ShadingPointOf<Floats> at{};
+  Vec3<Floats> p;
+  Floats offset;  // Surface::offset
+  CarriedOf<Floats> carried;
+  Mask looks;    // for casters
+  Mask is_last;  // vertex of the path
+  Mask roulette;
+  Vec2<Floats> light, scatter, chance;  // uniform in [0, 1)
+};
+
+/// Parameters of all materials that decide how they scatter light.
+KERNEL void read_parameters(const Waiting& waiting, MaterialValuesOf<Floats>& m) {
+  using Values = MaterialValues;
+  static_assert(offsetof(Values, metallic) == 12 && offsetof(Values, roughness) == 16 &&
+                offsetof(Values, specular) == 20 && offsetof(Values, specular_color) == 24 &&
+                offsetof(Values, ior) == 36 && offsetof(Values, specular_tint) == 108);
+  const auto row = [&](u32 number) {
+    return read4([&](u32 i) { return &waiting.vertices[i]->material.base_color.x + 4 * number; });
+  };
+  const FourOf<Floats> first = row(0), second = row(1), third = row(2);
+  m.base_color = {first.of[0], first.of[1], first.of[2]};
+  m.metallic = first.of[3];
+  m.roughness = second.of[0];
+  m.specular = second.of[1];
+  m.specular_color = {second.of[2], second.of[3], third.of[0]};
+  m.ior = third.of[1];
+  m.specular_tint = row(6).of[3];
+}
+/// What only some have.
 #define HELIO_OTHER_PARAMETERS(X) \
   X(transmission)                 \
   X(transmission_roughness)       \
@@ -46,57 +80,65 @@ KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
   X(diffuse_transmission)         \
   X(diffuse_transmission_color)
 
-/// Paths at surfaces, fewer than kLanes or so many. Lanes that hold none are computed, too: they
-/// begin as zeros, and then hold those of others.
-template <Features S>
-struct ScatterLanes {
-  u32 count = 0;
-  u32 items[kLanes];         // of the paths, as their driver numbers them
-  Vertex* vertices[kLanes];  // where they are
-
-  MaterialValuesOf<Floats> material{};
-  ShadingPointOf<Floats> at{};
-  Vec3<Floats> p{0};
-  Floats offset = 0;  // Surface::offset
-  CarriedOf<Floats> carried{};
-  Mask looks = false;    // for casters
-  Mask is_last = false;  // vertex of the path
-  Mask roulette = false;
-  Vec2<Floats> light{0}, scatter{0}, chance{0};  // uniform in [0, 1)
-};
-
-/// Adds a path at a surface.
-template <Features S, Tracer T>
-KERNEL void add(ScatterLanes<S>& lanes, const PathContext<T>& c, const Path& path, Vertex& v,
-                u32 item) {
-  const u32 i = lanes.count++;
-  lanes.items[i] = item;
-  lanes.vertices[i] = &v;
-  const MaterialValues& m = v.material;
-  const ShadingPoint at = shading_point(c.scene, v.surface, m, -path.ray.direction);
-#define HELIO_PUT(name) put(lanes.material.name, i, m.name);
-  HELIO_OPAQUE_PARAMETERS(HELIO_PUT)
-  if constexpr (S == Features::kAll) {
+KERNEL void read_others(const SceneView& scene, const Waiting& waiting, MaterialValuesOf<Floats>& m,
+                        ShadingPointOf<Floats>& at) {
+  for (u32 i = 0; i < waiting.count; ++i) {
+    const Vertex& v = *waiting.vertices[i];
+#define HELIO_PUT(name) put(m.name, i, v.material.name);
     HELIO_OTHER_PARAMETERS(HELIO_PUT)
-    put(lanes.at.tangent, i, at.tangent);
-    put(lanes.at.clearcoat_normal, i, at.clearcoat_normal);
-    put(lanes.at.thin_walled, i, at.thin_walled);
-  }
 #undef HELIO_PUT
-  put(lanes.at.wo, i, at.wo);
-  put(lanes.at.ng, i, at.ng);
-  put(lanes.at.ns, i, at.ns);
-  put(lanes.at.outside, i, v.boundary.outside);
-  put(lanes.p, i, v.surface.p);
-  put(lanes.offset, i, v.surface.offset);
-  put(lanes.carried.throughput, i, path.throughput);
-  put(lanes.carried.radiance_scale, i, path.radiance_scale);
-  put(lanes.roulette, i, roulette_begins(c, path));
-  put(lanes.looks, i, looks_for_casters(c, path));
-  put(lanes.is_last, i, is_last(c, path));
-  put(lanes.light, i, c.sampler.get2(vertex_pair(path, kLightPair)));
-  put(lanes.scatter, i, c.sampler.get2(vertex_pair(path, kScatterPair)));
-  put(lanes.chance, i, c.sampler.get2(vertex_pair(path, kChancePair)));
+    const ShadingPoint own =
+        shading_point(scene, v.surface, v.material, -waiting.paths[i]->ray.direction);
+    put(at.tangent, i, own.tangent);
+    put(at.clearcoat_normal, i, own.clearcoat_normal);
+    put(at.thin_walled, i, own.thin_walled);
+  }
+}
+
+/// What scatter() of path.h needs of paths that wait.
+template <Features S>
+KERNEL void read(const SceneView& scene, const Settings& settings, ScatterLanes<S>& lanes) {
+  for (u32 i = lanes.count; i < kLanes; ++i) {
+    lanes.paths[i] = lanes.paths[0];
+    lanes.numbers[i] = lanes.numbers[0];
+    lanes.vertices[i] = lanes.vertices[0];
+  }
+  read_parameters(lanes, lanes.material);
+  if constexpr (S == Features::kAll) read_others(scene, lanes, lanes.material, lanes.at);
+
+  const auto surface = [&](u32 number) {
+    return read4([&](u32 i) { return &lanes.vertices[i]->surface.p.x + 4 * number; });
+  };
+  const FourOf<Floats> p = surface(0), ng = surface(1), ns = surface(2);
+  lanes.p = {p.of[0], p.of[1], p.of[2]};
+  lanes.offset = p.of[3];
+  lanes.at.ng = {ng.of[0], ng.of[1], ng.of[2]};
+  lanes.at.ns = {ns.of[0], ns.of[1], ns.of[2]};
+  for (u32 i = 0; i < kLanes; ++i) put(lanes.at.outside, i, lanes.vertices[i]->boundary.outside);
+
+  lanes.at.wo = -read3([&](u32 i) { return &lanes.paths[i]->ray.direction.x; });
+  static_assert(offsetof(PathState, pdf) == 12 && offsetof(PathState, from_p) == 16 &&
+                offsetof(PathState, radiance_scale) == 28);
+  const auto path = [&](u32 number) {
+    return read4([&](u32 i) { return &lanes.paths[i]->throughput.x + 4 * number; });
+  };
+  const FourOf<Floats> throughput = path(0);
+  lanes.carried = {{throughput.of[0], throughput.of[1], throughput.of[2]}, path(1).of[3]};
+  for (u32 i = 0; i < kLanes; ++i) {
+    const Path& of = *lanes.paths[i];
+    put(lanes.roulette, i, roulette_begins(settings, of));
+    put(lanes.looks, i, looks_for_casters(scene, of));
+    put(lanes.is_last, i, is_last(settings, of));
+  }
+
+  static_assert(kLightPair == 0 && kScatterPair == 1 && kChancePair == 2);
+  const auto pairs = [&](u32 first) {
+    return read4([&](u32 i) { return &lanes.numbers[i]->of[first].x; });
+  };
+  const FourOf<Floats> numbers = pairs(kLightPair), chances = pairs(kChancePair);
+  lanes.light = {numbers.of[0], numbers.of[1]};
+  lanes.scatter = {numbers.of[2], numbers.of[3]};
+  lanes.chance = {chances.of[0], chances.of[1]};
 }
 
 /// One of the lanes.
