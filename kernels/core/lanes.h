@@ -265,10 +265,9 @@ HELIO_ALWAYS_INLINE inline Vec3<Floats> read3(const A& at) {
   return v;
 #endif
 }
-/// Writes four numbers of each lane of `bits` to at(lane)[0] to at(lane)[3].
+/// Writes four numbers of each lane i to at(i)[0] to at(i)[3].
 template <class A>
-HELIO_ALWAYS_INLINE inline void write4(const A& at, u32 bits, Floats x, Floats y, Floats z,
-                                       Floats w) {
+HELIO_ALWAYS_INLINE inline void write4(const A& at, Floats x, Floats y, Floats z, Floats w) {
 #if defined(__AVX2__)
   const __m256 xy01 = _mm256_unpacklo_ps(__m256(x.v), __m256(y.v));
   const __m256 xy23 = _mm256_unpackhi_ps(__m256(x.v), __m256(y.v));
@@ -278,12 +277,11 @@ HELIO_ALWAYS_INLINE inline void write4(const A& at, u32 bits, Floats x, Floats y
                            _mm256_shuffle_ps(xy23, zw23, 0x44),
                            _mm256_shuffle_ps(xy23, zw23, 0xee)};
   for (u32 lane = 0; lane < kLanes / 2; ++lane) {
-    if (bits >> lane & 1) _mm_storeu_ps(at(lane), _mm256_castps256_ps128(pairs[lane]));
-    if (bits >> (lane + 4) & 1) _mm_storeu_ps(at(lane + 4), _mm256_extractf128_ps(pairs[lane], 1));
+    _mm_storeu_ps(at(lane), _mm256_castps256_ps128(pairs[lane]));
+    _mm_storeu_ps(at(lane + 4), _mm256_extractf128_ps(pairs[lane], 1));
   }
 #else
   for (u32 lane = 0; lane < kLanes; ++lane) {
-    if (!(bits >> lane & 1)) continue;
     at(lane)[0] = x.v[lane], at(lane)[1] = y.v[lane], at(lane)[2] = z.v[lane];
     at(lane)[3] = w.v[lane];
   }

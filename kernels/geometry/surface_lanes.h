@@ -10,7 +10,21 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Hits side by side, 1 to kLanes of them.
+/// Asks for what surface_at() reads first.
+HELIO_ALWAYS_INLINE KERNEL void prefetch_triangle(const SceneView& scene, const Hit& hit) {
+  prefetch(scene.meshes[scene.instances[hit.instance].mesh].triangles + hit.primitive);
+}
+/// Asks for what it reads then.
+HELIO_ALWAYS_INLINE KERNEL void prefetch_corners(const SceneView& scene, const Hit& hit) {
+  const MeshView& mesh = scene.meshes[scene.instances[hit.instance].mesh];
+  const uvec3 triangle = mesh.triangles[hit.primitive];
+  for (int i = 0; i < 3; ++i) {
+    prefetch(mesh.positions + triangle[i]);
+    if (mesh.normals) prefetch(mesh.normals + triangle[i]);
+  }
+}
+
+/// Hits side by side, 1 to kLanes of them. Lanes that hold none read what the first does.
 struct HitLanes {
   u32 count = 0;
   const Hit* hits[kLanes];
@@ -35,7 +49,7 @@ KERNEL Mat4x3<Floats> read_matrix(const Addresses& at) {
   return m;
 }
 
-/// What is read for surfaces of each lane. Lanes that hold none read what others do.
+/// What is read for the surface of each lane.
 struct SurfaceLanes {
   Addresses world_from_object, object_from_world;
   Addresses corners[3];  // of triangles
@@ -70,14 +84,13 @@ KERNEL void surfaces_at(const SceneView& scene, const HitLanes& met) {
   Floats times = 0;
   u32 others = 0;
   for (u32 i = 0; i < kLanes; ++i) {
-    const u32 hit_index = min2(i, met.count - 1);
-    Surface& s = *met.to[hit_index];
-    const Hit& hit = *met.hits[hit_index];
     if (i < met.count) {
-      new (&s) Surface(
+      const Hit& hit = *met.hits[i];
+      new (met.to[i]) Surface(
           met_surface(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), met.times[i]));
-      if (!is_rigid_triangle(*s.mesh)) others |= 1u << i;
+      if (!is_rigid_triangle(*met.to[i]->mesh)) others |= 1u << i;
     }
+    const Surface& s = *met.to[i < met.count ? i : 0];
     put(times, i, s.time);
     add(lanes, i, s);
   }
@@ -104,10 +117,11 @@ KERNEL void surfaces_at(const SceneView& scene, const HitLanes& met) {
                                   read_matrix(lanes.object_from_world)};
   const WorldSurfaceOf<Floats> world = world_surface(pose, own);
   const Vec3<Floats> ns = select(lanes.has_normals, world_normal(pose, n, world.ng), world.ng);
-  const u32 bits = bits_of(first_lanes(met.count));
   const Vec3<Floats>&p = world.p, &ng = world.ng;
-  write4([&](u32 i) { return &met.to[i]->p.x; }, bits, p.x, p.y, p.z, world.offset);
-  write4([&](u32 i) { return &met.to[i]->ng.x; }, bits, ng.x, ng.y, ng.z, times);
+  Surface unused;  // of lanes that hold none
+  const auto to = [&](u32 i) { return i < met.count ? met.to[i] : &unused; };
+  write4([&](u32 i) { return &to(i)->p.x; }, p.x, p.y, p.z, world.offset);
+  write4([&](u32 i) { return &to(i)->ng.x; }, ng.x, ng.y, ng.z, times);
   for (u32 i = 0; i < met.count; ++i) {
     Surface& s = *met.to[i];
     s.ns = tilted_normal(scene, s, get(ns, i));

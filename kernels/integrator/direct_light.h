@@ -134,8 +134,8 @@ struct LaterLight {
 ///
 /// inside   what the ray starts inside of
 template <Tracer T>
-KERNEL void send(const PathContext<T>& c, const Path& path, Inside& inside, LaterLight& sent,
-                 SampleValues& sample) {
+HELIO_ALWAYS_INLINE KERNEL void send(const PathContext<T>& c, const Path& path, Inside& inside,
+                                     LaterLight& sent, SampleValues& sample) {
   const Ray& ray = sent.ray;
   vec3& radiance = sent.light.radiance;
   const bool passes =
@@ -193,31 +193,39 @@ KERNEL Vec3<F> contribution(const TakenLightOf<F>& taken, Vec3<F> carried, Vec3<
   return carried * taken.total * radiance * taken.weight;
 }
 
-/// Sends light that a point has taken along its ray.
+/// Aims light that a point has taken.
 ///
 /// radiance   its contribution()
-template <Tracer T, class Point>
+KERNEL void aim(const TakenLightOf<float>& taken, vec3 radiance, float time, LaterLight& sent) {
+  sent.ray.origin = taken.ray.origin;
+  sent.ray.direction = taken.ray.direction;
+  sent.ray.t_max = taken.ray.end;
+  sent.ray.time = time;
+  sent.light.radiance = radiance;
+}
+/// Sends light that has been aimed along its ray.
+///
+/// taken()   what the point has taken; asked where it decides the planes that the light belongs to
+template <Tracer T, class Point, class F>
 KERNEL void send_taken(const PathContext<T>& c, const Path& path, const Point& at,
-                       const LightSample& light, const TakenLightOf<float>& taken, vec3 radiance,
-                       SampleValues& sample, LaterLight& sent) {
+                       const LightSample& light, const F& taken, SampleValues& sample,
+                       LaterLight& sent) {
   Inside inside;
   if (has_media(c.scene)) {
     inside = path.inside;
     cross_towards(at, light.direction, inside);
   }
-  sent.ray.origin = taken.ray.origin;
-  sent.ray.direction = taken.ray.direction;
-  sent.ray.t_max = taken.ray.end;
-  sent.ray.time = c.time;
   sent.ray.holes = hole_key(c, kShadowHoleHash + path.edges);
-  sent.light.radiance = radiance;
   sent.light.edges = path.edges + 1;
   sent.light.environment = light.light == kNone;
-  sent.light.group = light_group(c.scene, light);
-  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet))
-    sent.route = {share_of(taken.diffuse, taken.total), first_vertex(at, light.direction)};
-  else
+  sent.light.group =
+      wants_rich(c.film, plane_bit(Plane::BEAUTY_GROUP)) ? light_group(c.scene, light) : 0;
+  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
+    const TakenLightOf<float> what = taken();
+    sent.route = {share_of(what.diffuse, what.total), first_vertex(at, light.direction)};
+  } else {
     sent.route = path.route;
+  }
   send(c, path, inside, sent, sample);
 }
 
@@ -233,8 +241,8 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
       take_light(direction_of(light), f, leave_towards(at, light.direction));
   if (!taken.counts) return;
   const vec3 carried = path.throughput * color_towards(c, path, at, light.direction);
-  send_taken(c, path, at, light, taken,
-             contribution(taken, carried, light_radiance(c.scene, light)), sample, sent);
+  aim(taken, contribution(taken, carried, light_radiance(c.scene, light)), c.time, sent);
+  send_taken(c, path, at, light, [&] { return taken; }, sample, sent);
 }
 /// The same at once.
 template <Tracer T, class Point>

@@ -202,8 +202,18 @@ KERNEL void record_guides(const Path& path, const Vertex& v, SampleValues& sampl
   sample.normal = dot(path.ray.direction, s.ng) <= 0 ? s.ns : -s.ns;
 }
 
+/// Whether it is decided here which planes the path's light belongs to.
+template <Tracer T>
+KERNEL bool takes_route(const PathContext<T>& c, const Path& path) {
+  return path.edges == 1 && wants_rich(c.film, kLightPlaneSet);
+}
+KERNEL Route route_of(const BsdfSample& s, bool transmitted) {
+  return {share_of(s.diffuse, s.weight),
+          transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
+}
+
 /// The path goes on from the vertex in a direction that has been chosen; false when it ends.
-template <Features S = Features::kAll, Tracer T>
+template <Tracer T>
 HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vertex& v,
                                        const DirectionOf<float>& to, SampleValues& sample) {
   const BsdfSample& s = to.sample;
@@ -211,21 +221,17 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
   if (!to.goes_on) return false;
   path.throughput = to.carried.throughput;
   path.radiance_scale = to.carried.radiance_scale;
-  constexpr bool kAll = kRich && S == Features::kAll;
-  if (kAll && s.lobe == Lobe::kSubsurface) {
+  if (kRich && s.lobe == Lobe::kSubsurface) {
     return scatter_inside(c, path, v, sample) && path.edges <= c.settings.max_depth;
   }
   const bool diffuse = s.lobe == Lobe::kDiffuse || s.lobe == Lobe::kDiffuseTransmission;
-  const bool transmitted = S == Features::kAll && (s.lobe == Lobe::kTransmission ||
-                                                   (kRich && s.lobe == Lobe::kDiffuseTransmission));
-  if (kAll && transmitted && disperses(*v.surface.material, v.material)) {
+  const bool transmitted =
+      s.lobe == Lobe::kTransmission || (kRich && s.lobe == Lobe::kDiffuseTransmission);
+  if (kRich && transmitted && disperses(*v.surface.material, v.material)) {
     path.throughput *= color_of_crossing(c, path, v);
     path.dispersed = true;
   }
-  if (path.edges == 1 && wants_rich(c.film, kLightPlaneSet)) {
-    path.route = {share_of(s.diffuse, s.weight),
-                  transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
-  }
+  if (takes_route(c, path)) path.route = route_of(s, transmitted);
   if (transmitted && has_media(c.scene)) cross_surface(path.inside, v.surface, v.material, s.wi);
   const u32 mask = diffuse ? kDiffuseRay : transmitted ? kTransmissionRay : kGlossyRay;
   go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, to.spread, mask, v.receiver});

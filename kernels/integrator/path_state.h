@@ -129,6 +129,26 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   if (wants_rich(c.film, kLightPlaneSet)) add_light(sample, light, route);
 }
 
+/// How a path leaves a vertex, but for where it goes.
+struct Leave {
+  float pdf;     // 1/sr; 0: no light sampling competes
+  float spread;  // lobe_spread() of it
+  u32 mask;
+  Facing facing;  // of the receiver
+  float surface_share;
+};
+template <Tracer T>
+KERNEL void leave(const PathContext<T>& c, Path& path, const Leave& how) {
+  path.blurred |= how.pdf > 0;
+  path.cone.spread = max2(path.cone.spread, how.spread);
+  path.from_facing = how.facing;
+  path.surface_share = how.surface_share;
+  path.mask = u8(how.mask);
+  path.ray.holes = hole_key(c, kHoleHash + path.edges);
+  path.boundaries = 0;
+  ++path.edges;
+}
+
 /// The path goes on from a vertex: where to, by what density and kind of ray.
 struct Onward {
   vec3 origin;
@@ -141,18 +161,15 @@ struct Onward {
 template <Tracer T>
 KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
   path.pdf = onward.pdf;
-  path.blurred |= onward.pdf > 0;
-  path.cone.spread = max2(path.cone.spread, onward.spread);
   path.from_p = onward.from.p;
   path.from_n = onward.from.n;
-  path.from_facing = onward.from.facing;
-  path.surface_share = onward.from.surface_share;
-  path.mask = u8(onward.mask);
-  path.ray = {onward.origin, onward.direction, INFINITY, c.time,
-              hole_key(c, kHoleHash + path.edges)};
   path.passed = 0;
-  path.boundaries = 0;
-  ++path.edges;
+  path.ray.origin = onward.origin;
+  path.ray.direction = onward.direction;
+  path.ray.t_max = INFINITY;
+  path.ray.time = c.time;
+  leave(c, path,
+        {onward.pdf, onward.spread, onward.mask, onward.from.facing, onward.from.surface_share});
 }
 
 /// Chance with which a path that carries so much goes on. The root lets fewer live paths end than

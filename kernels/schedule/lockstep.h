@@ -13,20 +13,6 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Asks for what surface_at() reads first.
-HELIO_ALWAYS_INLINE KERNEL void prefetch_triangle(const SceneView& scene, const Hit& hit) {
-  prefetch(scene.meshes[scene.instances[hit.instance].mesh].triangles + hit.primitive);
-}
-/// Asks for what it reads then.
-HELIO_ALWAYS_INLINE KERNEL void prefetch_corners(const SceneView& scene, const Hit& hit) {
-  const MeshView& mesh = scene.meshes[scene.instances[hit.instance].mesh];
-  const uvec3 triangle = mesh.triangles[hit.primitive];
-  for (int i = 0; i < 3; ++i) {
-    prefetch(mesh.positions + triangle[i]);
-    if (mesh.normals) prefetch(mesh.normals + triangle[i]);
-  }
-}
-
 /// Samples of some pixels, side by side. They are added to the film in the order in which they
 /// began.
 template <Tracer T>
@@ -175,7 +161,7 @@ class Lockstep {
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
       set_out(item);
-      item.hit = tracer_.closest(item.path.ray, item.path.mask);
+      new (&item.hit) Hit(tracer_.closest(item.path.ray, item.path.mask));  // no copy
     }
     prefetch_hits(0);
   }
@@ -269,6 +255,7 @@ class Lockstep {
     lanes.items[lane] = index;
     lanes.paths[lane] = &items_[index].path;
     lanes.numbers[lane] = &items_[index].numbers;
+    lanes.values[lane] = &items_[index].values;
     lanes.vertices[lane] = &v;
     if (lanes.count == kLanes) scatter(lanes, left);
   }
@@ -281,31 +268,29 @@ class Lockstep {
     const Mask all = first_lanes(lanes.count);
     const Mask scattering =
         all & set_scattering(scene_, lanes.material, lanes.at, lanes.p, lanes.looks, bsdf, casters);
-    const u32 scatter_bits = bits_of(scattering);
     const Mask lit =
         has_lights(scene_) ? scattering & !lanes.is_last & has_smooth_lobe(bsdf) : Mask(false);
     const LitPointOf<Floats> point{lanes.p, receiving_normal(bsdf), receives_below(bsdf), false};
     const Floats surfaces = surface_share(scene_, point);
+    // Opaque surfaces stay in lanes, unless lights are sampled one by one.
+    const bool alone = S == Features::kAll || !plain_lights_;
     for (u32 i = 0; i < lanes.count; ++i) {
       Vertex& v = *lanes.vertices[i];
+      v.bsdf.ng = get(bsdf.ng, i);
+      if (!alone) continue;
       get_frame(bsdf, i, v.bsdf);
-      set_receiver(v, items_[lanes.items[i]].time);
+      set_receiver(v, get(lanes.time, i));
       v.receiver.surface_share = get(surfaces, i);
     }
     if (any(lit)) take_lights(lanes, bsdf, casters, point, surfaces, lit);
     const DirectionOf<Floats> to = choose_direction(bsdf, casters, lanes.material.subsurface_color,
                                                     lanes.carried, lanes.roulette, lanes.chance.x,
                                                     lanes.scatter, [&] { return lanes.chance.y; });
+    const u32 goes_on = kernels::follow(lanes, bsdf, surfaces, to, bits_of(scattering),
+                                        [&](u32 i) { return context(items_[lanes.items[i]]); });
     for (u32 i = 0; i < lanes.count; ++i) {
-      Vertex& v = *lanes.vertices[i];
-      Item& item = items_[lanes.items[i]];
-      bool goes_on = false;
-      if (scatter_bits >> i & 1)
-        goes_on = follow<S>(context(item), item.path, v, get(to, i), item.values);
-      else
-        record_guides(item.path, v, item.values);
-      queue_next(lanes.items[i], goes_on, left);
-      free_[free_count_++] = &v;
+      queue_next(lanes.items[i], goes_on >> i & 1, left);
+      free_[free_count_++] = lanes.vertices[i];
     }
     lanes.count = 0;
   }
@@ -320,18 +305,21 @@ class Lockstep {
       new (&lights.lanes)
           LightLanes(sample_plain_lights(scene_, point, choices, surfaces, lanes.light));
       prefetch_sky(scene_, lights.lanes, lanes.count);
+    } else {
+      lights.lanes = {};
     }
     if (any(lights.alone)) sample_each(scene_, lanes, choices, lights);
     const LightDirectionOf<Floats>& to = lights.lanes.to;
     const BsdfValueOf<Floats> f = scattered(bsdf, casters, to.direction, to.visibility);
     const TakenLightOf<Floats> taken =
         take_light(to, f, offset_point(lanes.p, bsdf.ng, lanes.offset, to.direction));
-    const u32 found = bits_of(lit & (to.pdf > 0) & taken.counts);
+    const Mask found = lit & (to.pdf > 0) & taken.counts;
+    const u32 bits = bits_of(found);
     Vec3<Floats> carried = lanes.carried.throughput, radiance(0);
     const bool are_plain = scene_.dome.texture == kNone && !any(lights.alone);
     if (are_plain) radiance = plain_radiance(scene_, lights.lanes);
     for (u32 i = 0; i < lanes.count; ++i) {
-      if (!(found >> i & 1)) continue;
+      if (!(bits >> i & 1)) continue;
       const Item& item = items_[lanes.items[i]];
       if (!are_plain) put(radiance, i, light_radiance(scene_, get(lights, i, item.time)));
       if constexpr (S == Features::kAll) {
@@ -340,12 +328,15 @@ class Lockstep {
         put(carried, i, item.path.throughput * color);
       }
     }
-    const Vec3<Floats> sent = contribution(taken, carried, radiance);
+    LaterLight unused;  // of lanes that hold none
+    aim(taken, found, contribution(taken, carried, radiance), lanes.time,
+        [&](u32 i) { return i < lanes.count ? &items_[lanes.items[i]].light : &unused; });
     for (u32 i = 0; i < lanes.count; ++i) {
-      if (!(found >> i & 1)) continue;
+      if (!(bits >> i & 1)) continue;
       Item& item = items_[lanes.items[i]];
-      send_taken(context(item), item.path, *lanes.vertices[i], get(lights, i, item.time),
-                 get(taken, i), get(sent, i), item.values, item.light);
+      send_taken(
+          context(item), item.path, *lanes.vertices[i], get(lights, i, item.time),
+          [&] { return get(taken, i); }, item.values, item.light);
     }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {

@@ -22,9 +22,10 @@ KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
 struct Waiting {
   u32 count = 0;
   u32 items[kLanes];  // of the paths, as their driver numbers them
-  const Path* paths[kLanes];
+  Path* paths[kLanes];
   const DrawnPairs* numbers[kLanes];  // the pairs of their vertices
   Vertex* vertices[kLanes];
+  SampleValues* values[kLanes];
 };
 
 /// Those, side by side. Lanes that hold none have what the first has; parameters that no surface
@@ -34,7 +35,7 @@ struct ScatterLanes : Waiting {
   MaterialValuesOf<Floats> material{};
   ShadingPointOf<Floats> at{};
   Vec3<Floats> p;
-  Floats offset;  // Surface::offset
+  Floats offset, time;  // of Surface
   CarriedOf<Floats> carried;
   Mask looks;    // for casters
   Mask is_last;  // vertex of the path
@@ -113,6 +114,7 @@ KERNEL void read(const SceneView& scene, const Settings& settings, ScatterLanes<
   lanes.p = {p.of[0], p.of[1], p.of[2]};
   lanes.offset = p.of[3];
   lanes.at.ng = {ng.of[0], ng.of[1], ng.of[2]};
+  lanes.time = ng.of[3];
   lanes.at.ns = {ns.of[0], ns.of[1], ns.of[2]};
   for (u32 i = 0; i < kLanes; ++i) put(lanes.at.outside, i, lanes.vertices[i]->boundary.outside);
 
@@ -139,6 +141,43 @@ KERNEL void read(const SceneView& scene, const Settings& settings, ScatterLanes<
   lanes.light = {numbers.of[0], numbers.of[1]};
   lanes.scatter = {numbers.of[2], numbers.of[3]};
   lanes.chance = {chances.of[0], chances.of[1]};
+}
+
+/// go_on() of path_state.h from opaque surfaces, but for leave(). Paths that end are written, too.
+///
+/// n   of receivers
+KERNEL void go_on(const ScatterLanes<Features::kOpaque>& lanes, const DirectionOf<Floats>& to,
+                  Vec3<Floats> n) {
+  const BsdfSampleOf<Floats>& s = to.sample;
+  const Vec3<Floats>&throughput = to.carried.throughput, &p = lanes.p, &wi = s.wi;
+  const Vec3<Floats> origin = offset_point(p, lanes.at.ng, lanes.offset, wi);
+  const auto row = [&](u32 number) {
+    return [&lanes, number](u32 i) { return &lanes.paths[i]->throughput.x + 4 * number; };
+  };
+  write4(row(0), throughput.x, throughput.y, throughput.z, s.pdf);
+  write4(row(1), p.x, p.y, p.z, to.carried.radiance_scale);
+  static_assert(offsetof(PathState, from_n) == 32 && offsetof(PathState, passed) == 44);
+  write4(row(2), n.x, n.y, n.z, Floats(0));
+  static_assert(offsetof(Ray, direction) == 12 && offsetof(Ray, t_max) == 24 &&
+                offsetof(Ray, time) == 28);
+  write4([&](u32 i) { return &lanes.paths[i]->ray.origin.x; }, origin.x, origin.y, origin.z, wi.x);
+  write4([&](u32 i) { return &lanes.paths[i]->ray.direction.y; }, wi.y, wi.z, Floats(INFINITY),
+         lanes.time);
+}
+
+/// aim() of direct_light.h. Where `found` is false there is no light.
+///
+/// sent(i)   where that of lane i is to be
+template <class A>
+KERNEL void aim(const TakenLightOf<Floats>& taken, Mask found, Vec3<Floats> radiance, Floats time,
+                const A& sent) {
+  const Vec3<Floats>&origin = taken.ray.origin, &direction = taken.ray.direction;
+  write4([&](u32 i) { return &sent(i)->ray.origin.x; }, origin.x, origin.y, origin.z, direction.x);
+  write4([&](u32 i) { return &sent(i)->ray.direction.y; }, direction.y, direction.z,
+         select(found, taken.ray.end, Floats(0)), time);
+  static_assert(offsetof(Contribution, edges) == 12);  // which send_taken() sets
+  write4([&](u32 i) { return &sent(i)->light.radiance.x; }, radiance.x, radiance.y, radiance.z,
+         Floats(0));
 }
 
 /// One of the lanes.
@@ -176,9 +215,57 @@ KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
   if constexpr (S == Features::kAll) to.diffuse_through_share = get(b.diffuse_through_share, i);
 }
 
+/// follow() of path.h for the lanes of `scattering`. Returns those whose paths go on.
+///
+/// surfaces       Receiver::surface_share
+/// context_of()   of the path in a lane
+template <class C>
+KERNEL u32 follow(const ScatterLanes<Features::kAll>& lanes, const BsdfOf<Floats, Features::kAll>&,
+                  const Floats&, const DirectionOf<Floats>& to, u32 scattering,
+                  const C& context_of) {
+  u32 goes_on = 0;
+  for (u32 i = 0; i < lanes.count; ++i) {
+    Path& path = *lanes.paths[i];
+    Vertex& v = *lanes.vertices[i];
+    if (!(scattering >> i & 1))
+      record_guides(path, v, *lanes.values[i]);
+    else if (follow(context_of(i), path, v, get(to, i), *lanes.values[i]))
+      goes_on |= 1u << i;
+  }
+  return goes_on;
+}
+template <class C>
+KERNEL u32 follow(const ScatterLanes<Features::kOpaque>& lanes,
+                  const BsdfOf<Floats, Features::kOpaque>& bsdf, const Floats& surfaces,
+                  const DirectionOf<Floats>& to, u32 scattering, const C& context_of) {
+  const u32 vertices = bits_of(to.is_vertex), left = scattering & bits_of(to.goes_on);
+  for (u32 i = 0; i < lanes.count; ++i) {
+    Path& path = *lanes.paths[i];
+    if (path.guided) continue;
+    if (!(scattering >> i & 1))
+      record_guides(path, *lanes.vertices[i], *lanes.values[i]);
+    else if (vertices >> i & 1)
+      record_guides(path, get(to.guide, i), get(bsdf.frame.n, i), *lanes.values[i]);
+  }
+  go_on(lanes, to, bsdf.frame.n);
+  u32 goes_on = 0;
+  for (u32 i = 0; i < lanes.count; ++i) {
+    if (!(left >> i & 1)) continue;
+    Path& path = *lanes.paths[i];
+    const auto c = context_of(i);
+    if (takes_route(c, path)) path.route = route_of(get(to, i).sample, false);
+    const bool diffuse = Lobe(get(to.sample.lobe.v, i)) == Lobe::kDiffuse;
+    leave(c, path,
+          {get(to.sample.pdf, i), get(to.spread, i), diffuse ? kDiffuseRay : kGlossyRay,
+           Facing::kFront, get(surfaces, i)});
+    if (path.edges <= c.settings.max_depth) goes_on |= 1u << i;
+  }
+  return goes_on;
+}
+
 /// Light that is sampled for each lane.
 struct SampledLights {
-  LightLanes lanes{};
+  LightLanes lanes;
   Mask alone = false;      // of these lanes lights are sampled one by one,
   LightSample of[kLanes];  // and here
 };

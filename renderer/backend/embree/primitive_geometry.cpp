@@ -21,22 +21,43 @@ void bounds(const RTCBoundsFunctionArguments* arguments) {
                           box.upper.x, box.upper.y, box.upper.z, 0};
 }
 
-/// What a ray meets of a primitive beyond its tnear, asked by either of Embree's two callbacks.
+/// One of some rays. A ray that is alone is where it was: a copy would wait for Embree's stores.
+class RayAt {
+ public:
+  RayAt(RTCRayN* rays, unsigned count, unsigned i) : ray_(reinterpret_cast<const RTCRay*>(rays)) {
+    if (count == 1) return;
+    copy_ = rtcGetRayFromRayN(rays, count, i);
+    ray_ = &copy_;
+  }
+  RayAt(const RayAt&) = delete;
+  RayAt& operator=(const RayAt&) = delete;
+  const RTCRay& operator*() const { return *ray_; }
+
+ private:
+  const RTCRay* ray_;
+  RTCRay copy_;
+};
+
+/// Whether a ray meets a primitive beyond its tnear, asked by either of Embree's two callbacks.
 template <class Arguments>
-bool meet(const Arguments* arguments, const RTCRay& ray, RTCHit& hit, float& t) {
+bool meets(const Arguments* arguments, const RTCRay& ray, kernels::ShapeHit& met) {
   const kernels::PrimitiveAt at{mesh_of(arguments->geometryUserPtr), arguments->primID, ray.time};
   const kernels::vec3 direction(ray.dir_x, ray.dir_y, ray.dir_z);
   kernels::ShapeRay own{{ray.org_x, ray.org_y, ray.org_z}, direction, ray.tfar - ray.tnear};
   if (ray.tnear > 0) own.origin += direction * ray.tnear;
-  kernels::ShapeHit met;
   if (!kernels::meet_primitive(at, own, met)) return false;
-  t = met.t + ray.tnear;
+  met.t += ray.tnear;
+  return true;
+}
+template <class Arguments>
+RTCHit hit_of(const Arguments* arguments, const kernels::ShapeHit& met) {
+  RTCHit hit{};
   hit.u = met.place.x;
   hit.v = met.place.y;
   hit.primID = arguments->primID;
   hit.geomID = arguments->geomID;
   hit.instID[0] = arguments->context->instID[0];
-  return true;
+  return hit;
 }
 
 /// Whether the filter of the ray's query takes a hit; it may change where the ray ends.
@@ -59,18 +80,22 @@ bool passes(const RTCOccludedFunctionNArguments* arguments,
   return *filter.valid != 0;
 }
 
+/// Whether a hit at t counts; of a curve the ray's filter says so, and may move t.
 template <class Arguments>
-bool takes(const Arguments* arguments, RTCRay& ray, RTCHit& hit, float t) {
-  const kernels::MeshView& mesh = mesh_of(arguments->geometryUserPtr);
-  ray.tfar = t;
-  if (mesh.shape != Shape::kCurves) return true;
+bool takes(const Arguments* arguments, const RTCRay& ray, RTCHit& hit, float& t) {
+  if (mesh_of(arguments->geometryUserPtr).shape != Shape::kCurves) return true;
+  RTCRay ended = ray;
+  ended.tfar = t;
   int valid = -1;
-  return passes(arguments, {.valid = &valid,
-                            .geometryUserPtr = arguments->geometryUserPtr,
-                            .context = arguments->context,
-                            .ray = reinterpret_cast<RTCRayN*>(&ray),
-                            .hit = reinterpret_cast<RTCHitN*>(&hit),
-                            .N = 1});
+  if (!passes(arguments, {.valid = &valid,
+                          .geometryUserPtr = arguments->geometryUserPtr,
+                          .context = arguments->context,
+                          .ray = reinterpret_cast<RTCRayN*>(&ended),
+                          .hit = reinterpret_cast<RTCHitN*>(&hit),
+                          .N = 1}))
+    return false;
+  t = ended.tfar;
+  return true;
 }
 
 /// Of two hits at one distance the one of the lower instance, and of one instance of the lower
@@ -87,13 +112,13 @@ void intersect(const RTCIntersectFunctionNArguments* arguments) {
   RTCHitN* hits = RTCRayHitN_HitN(arguments->rayhit, count);
   for (unsigned i = 0; i < count; ++i) {
     if (!arguments->valid[i]) continue;
-    RTCRay ray = rtcGetRayFromRayN(rays, count, i);
-    RTCHit hit{};
-    float t;
-    if (!meet(arguments, ray, hit, t)) continue;
-    if (t == ray.tfar && is_behind(hit, rtcGetHitFromHitN(hits, count, i))) continue;
-    if (!takes(arguments, ray, hit, t)) continue;
-    RTCRayN_tfar(rays, count, i) = ray.tfar;
+    const RayAt ray(rays, count, i);
+    kernels::ShapeHit met;
+    if (!meets(arguments, *ray, met)) continue;
+    RTCHit hit = hit_of(arguments, met);
+    if (met.t == (*ray).tfar && is_behind(hit, rtcGetHitFromHitN(hits, count, i))) continue;
+    if (!takes(arguments, *ray, hit, met.t)) continue;
+    RTCRayN_tfar(rays, count, i) = met.t;
     rtcCopyHitToHitN(hits, &hit, count, i);
   }
 }
@@ -102,11 +127,11 @@ void occluded(const RTCOccludedFunctionNArguments* arguments) {
   const unsigned count = arguments->N;
   for (unsigned i = 0; i < count; ++i) {
     if (!arguments->valid[i]) continue;
-    RTCRay ray = rtcGetRayFromRayN(arguments->ray, count, i);
-    RTCHit hit{};
-    float t;
-    if (meet(arguments, ray, hit, t) && takes(arguments, ray, hit, t))
-      RTCRayN_tfar(arguments->ray, count, i) = -INFINITY;
+    const RayAt ray(arguments->ray, count, i);
+    kernels::ShapeHit met;
+    if (!meets(arguments, *ray, met)) continue;
+    RTCHit hit = hit_of(arguments, met);
+    if (takes(arguments, *ray, hit, met.t)) RTCRayN_tfar(arguments->ray, count, i) = -INFINITY;
   }
 }
 

@@ -1,6 +1,8 @@
 // The CPU's answer to rays: kernels::Tracer on Embree. Compiled once for each instruction set.
 #pragma once
 
+#include <new>
+
 #include "kernels/geometry/accept.h"
 #include "kernels/geometry/exact.h"
 #include "kernels/geometry/motion.h"
@@ -44,15 +46,26 @@ inline void fill(RTCRayHit8& query, kernels::u32 i, const kernels::Ray& ray, ker
 
 inline constexpr kernels::Hit kMiss{INFINITY, kernels::kNone, kernels::kNone, 0, 0};
 
-inline kernels::Hit hit_of(const RTCRayHit& query, const TracedScene& scene) {
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return kMiss;
-  return {query.ray.tfar, scene.instance_of(query.hit), query.hit.primID, query.hit.u, query.hit.v};
+/// Sets what a ray met, if it met anything. Numbers are written where they stay: a copy of several
+/// at a time would wait for them.
+inline void set(kernels::Hit& hit, const RTCRayHit& query, const TracedScene& scene) {
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
+  hit.t = query.ray.tfar;
+  hit.instance = scene.instance_of(query.hit);
+  hit.primitive = query.hit.primID;
+  hit.u = query.hit.u;
+  hit.v = query.hit.v;
 }
 /// What ray i of a packet met.
 inline kernels::Hit hit_of(const RTCRayHit8& query, kernels::u32 i, const TracedScene& scene) {
-  if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) return kMiss;
-  return {query.ray.tfar[i], scene.instance_of(query.hit.instID[0][i], query.hit.geomID[i]),
-          query.hit.primID[i], query.hit.u[i], query.hit.v[i]};
+  kernels::Hit hit = kMiss;
+  if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) return hit;
+  hit.t = query.ray.tfar[i];
+  hit.instance = scene.instance_of(query.hit.instID[0][i], query.hit.geomID[i]);
+  hit.primitive = query.hit.primID[i];
+  hit.u = query.hit.u[i];
+  hit.v = query.hit.v[i];
+  return hit;
 }
 
 /// Surfaces that rays of labels meet: of those that are nearly at the same distance the one that
@@ -82,7 +95,8 @@ class EmbreeTracer {
       : scene_(scene), look_(look) {}
 
   [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, kernels::u32 mask) const {
-    if (!scene_.top || !kernels::is_sound(ray)) return kMiss;
+    kernels::Hit hit = kMiss;
+    if (!scene_.top || !kernels::is_sound(ray)) return hit;
     RTCRayHit query{};
     fill(query.ray, ray, mask);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -92,11 +106,14 @@ class EmbreeTracer {
       Contest contest{{&ray}, {kMiss}};
       context.contest = &contest;
       context.intersect(scene_.top, query, true);
-      const kernels::Hit met = contest.winner(0, hit_of(query, scene_), *scene_.view);
-      return look_again(scene_, ray, mask, met);
+      set(hit, query, scene_);
+      hit = look_again(scene_, ray, mask, contest.winner(0, hit, *scene_.view));
+      return hit;
     }
     context.intersect(scene_.top, query, scene_.view->any_holes);
-    return checked(ray, mask, hit_of(query, scene_));
+    set(hit, query, scene_);
+    check(ray, mask, hit);
+    return hit;
   }
 
   void closest(const kernels::CameraRays& rays) const {
@@ -114,9 +131,11 @@ class EmbreeTracer {
     }
     Context context(scene_, *rays.ray[0], kernels::kNone);
     context.intersect8(scene_.top, query, valid, false);
-    for (kernels::u32 i = 0; i < rays.count; ++i)
-      *rays.hit[i] =
-          checked(*rays.ray[i], kernels::kCameraRay, valid[i] ? hit_of(query, i, scene_) : kMiss);
+    for (kernels::u32 i = 0; i < rays.count; ++i) {
+      kernels::Hit& hit = *rays.hit[i];
+      new (&hit) kernels::Hit(hit_of(query, i, scene_));  // none where a ray is not valid
+      check(*rays.ray[i], kernels::kCameraRay, hit);
+    }
   }
   /// 8 sound rays at once, to whom holes are what they are to `ray`; lane i of `valid` is -1 where
   /// there is one. Nothing is looked at again.
@@ -143,7 +162,10 @@ class EmbreeTracer {
     fill(query, ray, mask);
     Context context(scene_, ray, kernels::kNone);
     context.occluded(scene_.top, query, scene_.view->any_holes);
-    return query.tfar < 0 || checked(ray, mask, kMiss).instance != kernels::kNone;
+    if (query.tfar < 0) return true;
+    kernels::Hit hit = kMiss;
+    check(ray, mask, hit);
+    return hit.instance != kernels::kNone;
   }
 
   [[nodiscard]] kernels::Hit closest_in(kernels::u32 instance, const kernels::Ray& ray) const {
@@ -186,11 +208,10 @@ class EmbreeTracer {
   }
 
  private:
-  /// An answer of Embree, looked at again where it should be.
-  [[nodiscard]] kernels::Hit checked(const kernels::Ray& ray, kernels::u32 mask,
-                                     const kernels::Hit& hit) const {
-    const bool due = look_.is_due(ray, kernels::min2(hit.t, ray.t_max));
-    return due ? look_again(scene_, ray, mask, hit) : hit;
+  /// Looks at an answer of Embree again where it should be.
+  void check(const kernels::Ray& ray, kernels::u32 mask, kernels::Hit& hit) const {
+    if (look_.is_due(ray, kernels::min2(hit.t, ray.t_max)))
+      hit = look_again(scene_, ray, mask, hit);
   }
 
   /// Embree's context, followed by what the filter function reads.
