@@ -20,7 +20,7 @@ KERNELS = {
     "kernels/bvh": "core scene geometry",
     "kernels/ingest": "core",
     "kernels/integrator": "core scene geometry camera bsdf light media",
-    "kernels/schedule": "core scene camera light integrator",
+    "kernels/schedule": "core scene geometry camera light integrator",
     "kernels/label": "core scene geometry camera light media integrator",
 }
 RENDERER = {

@@ -28,8 +28,8 @@ struct Waiting {
   SampleValues* values[kLanes];
 };
 
-/// Those, side by side. Lanes that hold none have what the first has; parameters that no surface
-/// here has are zeros.
+/// Those, side by side. Lanes that hold none have what the first has, but for parameters that only
+/// some surfaces have: zeros, or those of earlier ones.
 template <Features S>
 struct ScatterLanes : Waiting {
   MaterialValuesOf<Floats> material{};
@@ -143,7 +143,8 @@ KERNEL void read(const SceneView& scene, const Settings& settings, ScatterLanes<
   lanes.chance = {chances.of[0], chances.of[1]};
 }
 
-/// go_on() of path_state.h from opaque surfaces, but for leave(). Paths that end are written, too.
+/// go_on() of path_state.h from opaque surfaces, but for leave(). Paths that end are written, too,
+/// and the first again by lanes that hold none.
 ///
 /// n   of receivers
 KERNEL void go_on(const ScatterLanes<Features::kOpaque>& lanes, const DirectionOf<Floats>& to,
