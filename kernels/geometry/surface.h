@@ -231,7 +231,7 @@ KERNEL Vec3<F> world_normal(const ObjectPoseOf<F>& pose, Vec3<F> n, Vec3<F> ng) 
   return select(dot(ns, ng) < 0, -ns, ns);
 }
 
-/// What a ray has met, but not where: p, ng, ns and offset are unset.
+/// Tells what a ray has met; where it is (p, ng, ns, offset) stays unset.
 KERNEL Surface met_surface(const SceneView& scene, u32 instance_index, u32 primitive,
                            vec2 barycentric, float time) {
   Surface s;

@@ -49,7 +49,7 @@ KERNEL Mat4x3<Floats> read_matrix(const Addresses& at) {
   return m;
 }
 
-/// What is read for the surface of each lane.
+/// Addresses and numbers that the surface of each lane is computed from.
 struct SurfaceLanes {
   Addresses world_from_object, object_from_world;
   Addresses corners[3];  // of triangles
@@ -57,7 +57,7 @@ struct SurfaceLanes {
   Vec2<Floats> barycentric{0};
   Mask has_normals = false;
 };
-/// Whether a surface is of a triangle that does not deform: its numbers are read as they lie.
+/// True for triangles that do not deform: corners and normals are read where the mesh has them.
 KERNEL bool is_rigid_triangle(const MeshView& mesh) {
   return mesh.segments == 0 && !has_curves(mesh) && mesh.shape != Shape::kSphere;
 }

@@ -185,7 +185,7 @@ KERNEL TakenLightOf<F> take_light(const LightDirectionOf<F>& light, const BsdfVa
   return taken;
 }
 
-/// What of it reaches the camera if nothing is in the way.
+/// Radiance that reaches the camera if nothing is in the light's way.
 ///
 /// carried   by the path, times the colour that the light takes on where it crosses the surface
 template <class F>

@@ -202,7 +202,8 @@ KERNEL void record_guides(const Path& path, const Vertex& v, SampleValues& sampl
   sample.normal = dot(path.ray.direction, s.ng) <= 0 ? s.ns : -s.ns;
 }
 
-/// Whether it is decided here which planes the path's light belongs to.
+/// True at the first vertex, which decides the planes that the path's light belongs to, if a film
+/// has these.
 template <Tracer T>
 KERNEL bool takes_route(const PathContext<T>& c, const Path& path) {
   return path.edges == 1 && wants_rich(c.film, kLightPlaneSet);

@@ -368,7 +368,7 @@ class Lockstep {
   CameraLanes camera_rays_{};
   ScatterLanes<Features::kOpaque> opaque_;
   ScatterLanes<Features::kAll> others_[kCompanies - 1];
-  // Of those that wait in lanes, and of those that arrive.
+  // One for each path that waits in lanes, and for each of a group that arrives.
   static constexpr u32 kVertices = kCompanies * (kLanes - 1) + kLanes;
   Vertex vertices_[kVertices];
   Vertex* free_[kVertices];

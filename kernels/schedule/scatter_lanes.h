@@ -200,11 +200,11 @@ KERNEL DirectionOf<float> get(const DirectionOf<Floats>& to, u32 i) {
           {get(to.carried.throughput, i), get(to.carried.radiance_scale, i)},
           get(to.spread, i)};
 }
-/// What Vertex has of a Bsdf once light has been taken: it is not evaluated any more.
+/// Sets what Vertex has of a Bsdf once light has been taken, but for ng: it is not evaluated any
+/// more.
 template <Features S>
 KERNEL void get_frame(const BsdfOf<Floats, S>& b, u32 i, Bsdf& to) {
   to.frame.n = get(b.frame.n, i);
-  to.ng = get(b.ng, i);
   to.glass = 0;
   to.layered = false;
   to.diffuse_through_share = 0;
