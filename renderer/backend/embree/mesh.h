@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/backend/embree/embree.h"
+#include "renderer/backend/embree/support.h"
 #include "renderer/placement/mesh.h"
 
 namespace heliograph::embree {
@@ -13,6 +14,7 @@ struct EmbreeMesh final : MeshAccelerator {
   kernels::MeshView view;
   std::shared_ptr<const Strands> strands;
   SceneHandle scene;
+  Support support;  // of triangles' vertices, at all times; of other shapes there is none
   u64 bytes_ = 0;
   [[nodiscard]] u64 bytes() const override { return bytes_; }
   [[nodiscard]] Box bounds() const override { return bounds_of(scene.get()); }
@@ -23,9 +25,9 @@ struct EmbreeMesh final : MeshAccelerator {
                                                                      RTCDevice device,
                                                                      const Interrupt& interrupt);
 
-/// The scene that a resident mesh has.
-[[nodiscard]] inline RTCScene scene_of(const DeviceMesh& mesh) {
-  return static_cast<const EmbreeMesh&>(*mesh.accelerator).scene.get();
+/// What a resident mesh has of Embree.
+[[nodiscard]] inline const EmbreeMesh& embree_mesh(const DeviceMesh& mesh) {
+  return static_cast<const EmbreeMesh&>(*mesh.accelerator);
 }
 
 }  // namespace heliograph::embree

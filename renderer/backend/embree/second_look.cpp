@@ -16,6 +16,7 @@ using kernels::SceneView;
 
 constexpr u32 kBeside = 8;
 constexpr u32 kMost = 6;  // of them: one or two may slip through as the ray did
+constexpr u32 kSome = 3;  // of them: others may tell more
 constexpr float kNearest = 0x1p-21f;
 
 /// Rays beside one, twice as far each time, in directions a golden angle apart: whatever straight
@@ -68,20 +69,25 @@ Ray in_object(const SceneView& scene, u32 instance, Ray ray) {
   return ray;
 }
 
-/// Replaces `nearest` by what the rays beside tell of. Where most of them met something nearer, and
-/// the ray itself none of it, the answer is what one of them met; else a miss.
-Hit look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& nearest) {
+/// What rays beside one tell of it: how many of them met something nearer, and what one of these
+/// met.
+struct Told {
+  u32 nearer = 0;
+  Hit other = kMiss;
+};
+
+/// Replaces `nearest` by what the ray meets of that.
+Told look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& nearest) {
   Beside beside(ray, mask, first);
   EmbreeTracer(scene).closest(beside.query(), kEvery, ray);
   const float before = nearest.t;
-  u32 nearer = 0;
-  Hit other = kMiss;
+  Told told;
   for (u32 i = 0; i < kBeside; ++i) {
     const Hit seen = beside.hit(i, scene);
     if (!(seen.t < before) || !slips(*scene.view, seen.instance)) continue;
     if (seen.t < before * (1 - kernels::kUnclear)) {
-      ++nearer;
-      other = seen;
+      ++told.nearer;
+      told.other = seen;
     }
     if (seen.instance == nearest.instance && seen.primitive == nearest.primitive) continue;
     Ray local = in_object(*scene.view, seen.instance, ray);
@@ -93,7 +99,7 @@ Hit look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& ne
         kernels::takes_over(*scene.view, ray, hit, nearest))
       nearest = hit;
   }
-  return nearer >= kMost && nearest.t == before ? other : kMiss;
+  return told;
 }
 
 }  // namespace
@@ -103,13 +109,16 @@ Hit look_again(const TracedScene& scene, const Ray& ray, u32 mask, const Hit& fi
   Hit nearest = first;
   // Triangles seen from the side are narrow, and those beside the ray may miss the one that it
   // meets: it is asked again, with others beside it. Where most of 32 met something, it does, too.
-  Hit closed = kMiss;
+  Hit other = kMiss;
+  bool is_closed = true;
   for (const vec2 aside :
        {vec2(1, 0), vec2(-0.4f, -1.3f), vec2(-0.03f, 0.08f), vec2(0.02f, -0.02f)}) {
-    closed = look(scene, ray, mask, aside * kNearest, nearest);
-    if (closed.instance == kernels::kNone) return nearest;
+    const Told told = look(scene, ray, mask, aside * kNearest, nearest);
+    if (nearest.t != first.t || told.nearer < kSome) return nearest;
+    is_closed &= told.nearer >= kMost;
+    other = told.other;
   }
-  return closed;
+  return is_closed ? other : nearest;
 }
 
 bool meets_after_all(const TracedScene& scene, u32 instance, const Ray& ray_object) {

@@ -2,6 +2,7 @@
 #include "renderer/backend/embree/static_group.h"
 
 #include "renderer/backend/embree/commit.h"
+#include "renderer/backend/embree/traced_scene.h"
 #include "renderer/base/parallel.h"
 
 namespace heliograph::embree {
@@ -30,12 +31,7 @@ Status build(StaticGroup& group, RTCDevice device, const Interrupt& interrupt) {
   group.scene = new_scene(device);
   for (u32 i = 0; i < geometries.size(); ++i)
     rtcAttachGeometryByID(group.scene.get(), geometries[i].get(), i);
-  HELIO_TRY(commit(group.scene.get(), device, interrupt));
-  group.instance = GeometryHandle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE));
-  rtcSetGeometryInstancedScene(group.instance.get(), group.scene.get());
-  rtcSetGeometryMask(group.instance.get(), ~0u);
-  rtcCommitGeometry(group.instance.get());
-  return {};
+  return commit(group.scene.get(), device, interrupt);
 }
 
 }  // namespace
@@ -54,12 +50,15 @@ Expected<std::shared_ptr<const StaticGroup>> make_static_group(
   auto group = std::make_shared<StaticGroup>();
   group->members = std::move(members);
   for (const StaticMember& member : group->members) group->slots.push_back(member.slot);
-  if (before && same_members(before->members, group->members)) {
+  const bool is_kept = before && same_members(before->members, group->members);
+  if (is_kept && before->slots == group->slots) return before;
+  if (is_kept)
     group->scene = before->scene;
-    group->instance = before->instance;
-    return group;
-  }
-  HELIO_TRY(build(*group, device, interrupt));
+  else
+    HELIO_TRY(build(*group, device, interrupt));
+  group->instance.instances = {{mat4x3(1), group->scene.get(), kStaticGroup, ~0u}};
+  group->instance.boxes = {bounds_of(group->scene.get())};
+  make_geometry(group->instance, device);
   return group;
 }
 

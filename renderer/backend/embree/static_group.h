@@ -2,7 +2,7 @@
 // without a change of coordinates, and their boxes do not overlap. Called by top_level.cpp.
 #pragma once
 
-#include "renderer/backend/embree/embree.h"
+#include "renderer/backend/embree/instance_geometry.h"
 #include "renderer/device/backend.h"
 #include "renderer/placement/static_members.h"
 
@@ -12,7 +12,7 @@ struct StaticGroup {
   std::vector<StaticMember> members;
   std::vector<u32> slots;  // by number of the geometry within the scene
   SceneHandle scene;
-  GeometryHandle instance;  // of the scene, for a top level
+  InstanceGeometry instance;  // of the scene, for a top level
   [[nodiscard]] u64 bytes() const;
 };
 

@@ -1,8 +1,13 @@
 // The top level is always built from scratch, so that it is a function of its instances alone.
 #include "renderer/backend/embree/top_level.h"
 
+#include <algorithm>
+#include <atomic>
+
+#include "kernels/bvh/bvh_box.h"
 #include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/mesh.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -29,6 +34,31 @@ const TopLevel* top_of(const Placement* placement) {
   return placement ? static_cast<const TopLevel*>(placement->accelerator.get()) : nullptr;
 }
 
+/// Where rays look for an instance: the box about its turned box, and the one about its turned
+/// vertices.
+Box ray_box(const kernels::InstanceView& instance, const EmbreeMesh& mesh, const Box& own) {
+  const kernels::BvhBox loose = kernels::ray_box(instance, nullptr, {own.lower, own.upper});
+  if (loose.empty() || mesh.support.is_empty()) return {loose.lower, loose.upper};
+  const Box tight = mesh.support.under(instance.world_from_object);
+  return {glm::max(loose.lower, tight.lower), glm::min(loose.upper, tight.upper)};
+}
+
+template <class T>
+bool same_rows(const std::vector<T>& a, const std::vector<T>& b) {
+  return std::ranges::equal(a, b, same_bytes<T>);
+}
+bool same(const InstanceChunk& a, const InstanceChunk& b) {
+  return same_rows(a.still.instances, b.still.instances) &&
+         same_rows(a.still.boxes, b.still.boxes) &&
+         std::ranges::equal(a.moving, b.moving, {}, &GeometryHandle::get, &GeometryHandle::get);
+}
+
+/// Whether rays meet none of it.
+bool is_empty(const std::shared_ptr<const InstanceChunk>& chunk) {
+  return std::ranges::all_of(chunk->still.boxes, &Box::empty) &&
+         std::ranges::none_of(chunk->moving, &GeometryHandle::get);
+}
+
 class Builder {
  public:
   Builder(const Placement& placement, const Kept& kept, RTCDevice device,
@@ -36,6 +66,7 @@ class Builder {
       : placement_(placement),
         kept_(kept),
         before_(top_of(kept.before)),
+        instances_(placement.instances()),
         device_(device),
         interrupt_(interrupt) {}
 
@@ -46,20 +77,23 @@ class Builder {
   std::shared_ptr<TopLevel> take() { return std::move(made_); }
 
  private:
-  [[nodiscard]] GeometryHandle instance(u32 slot) const;
+  static constexpr u32 kRows = ChunkedArray<kernels::InstanceView>::kRows;
+
+  [[nodiscard]] GeometryHandle moving(u32 slot) const;
+  [[nodiscard]] GeometryHandle moving_before(u32 slot) const;
   [[nodiscard]] bool is_grouped(u32 slot) const { return !grouped_.empty() && grouped_[slot]; }
+  [[nodiscard]] std::shared_ptr<const InstanceChunk> chunk(u32 number) const;
   void instance_scenes();
-  void instances_of(u32 chunk);
 
   const Placement& placement_;
   const Kept& kept_;
   const TopLevel* before_;
+  const ChunkedArray<kernels::InstanceView>& instances_;
   const RTCDevice device_;
   const Interrupt& interrupt_;
   std::shared_ptr<TopLevel> made_ = std::make_shared<TopLevel>();
   std::vector<StaticMember> members_;  // of the group, until it is made
   std::vector<u8> grouped_;            // by slot, whether it is one; empty: there are none
-  bool changed_ = false;               // the scene differs from the one before
 };
 
 void Builder::choose_static(u64 most_triangles) {
@@ -69,18 +103,19 @@ void Builder::choose_static(u64 most_triangles) {
   for (const StaticMember& member : members_) grouped_[member.slot] = 1;
 }
 
-GeometryHandle Builder::instance(u32 slot) const {
+/// An instance of Embree's own, whose boxes are right between its keys, too.
+GeometryHandle Builder::moving(u32 slot) const {
+  if (GeometryHandle before = moving_before(slot)) return before;
   GeometryHandle handle(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE));
-  const RTCGeometry geometry = handle.get();
-  const kernels::InstanceView& view = placement_.instances()[slot];
-  rtcSetGeometryInstancedScene(geometry, (*made_->instance_scenes)[slot]);
-  rtcSetGeometryMask(geometry, view.visibility);
-  if (view.segments == 0)
-    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
-  else
-    set_motion(geometry, placement_.keys_of(slot));
-  rtcCommitGeometry(geometry);
+  rtcSetGeometryInstancedScene(handle.get(), (*made_->instance_scenes)[slot]);
+  rtcSetGeometryMask(handle.get(), instances_[slot].visibility);
+  set_motion(handle.get(), placement_.keys_of(slot));
+  rtcCommitGeometry(handle.get());
   return handle;
+}
+GeometryHandle Builder::moving_before(u32 slot) const {
+  const u32 old = before_ ? kept_.slot(placement_, slot) : kNone;
+  return old == kNone ? GeometryHandle() : before_->chunks[old / kRows]->moving[old % kRows];
 }
 
 void Builder::instance_scenes() {
@@ -90,39 +125,55 @@ void Builder::instance_scenes() {
     return;
   }
   std::vector<RTCScene> scenes(placement_.slots.size());
-  for (u32 i = 0; i < scenes.size(); ++i) scenes[i] = scene_of(placement_.mesh(i));
+  for (u32 i = 0; i < scenes.size(); ++i) scenes[i] = embree_mesh(placement_.mesh(i)).scene.get();
   made_->instance_scenes = std::make_shared<const std::vector<RTCScene>>(std::move(scenes));
+}
+
+std::shared_ptr<const InstanceChunk> Builder::chunk(u32 number) const {
+  auto made = std::make_shared<InstanceChunk>();
+  const u32 begin = number * kRows, end = std::min(begin + kRows, placement_.slots.size());
+  made->still.instances.resize(end - begin);
+  made->still.boxes.resize(end - begin);
+  made->moving.resize(end - begin);
+  for (u32 i = begin; i < end; ++i) {
+    const kernels::InstanceView& instance = instances_[i];
+    const EmbreeMesh& mesh = embree_mesh(placement_.mesh(i));
+    const Box own = mesh.bounds();
+    const kernels::BvhBox box =
+        kernels::instance_box(instance, placement_.motion_keys.data(), {own.lower, own.upper});
+    made->bounds.extend(Box{box.lower, box.upper});
+    if (is_grouped(i)) continue;
+    if (instance.segments > 0) {
+      made->moving[i - begin] = moving(i);
+      continue;
+    }
+    made->still.instances[i - begin] = {instance.object_from_world, mesh.scene.get(), i,
+                                        instance.visibility};
+    made->still.boxes[i - begin] = ray_box(instance, mesh, own);
+  }
+  const bool is_kept =
+      before_ && number < before_->chunks.size() && same(*made, *before_->chunks[number]);
+  if (is_kept) return before_->chunks[number];
+  make_geometry(made->still, device_);
+  return made;
 }
 
 Status Builder::instances() {
   instance_scenes();
-  const u32 count = placement_.slots.size();
-  changed_ = !before_ || before_->geometries.size() != count;
-  // Without groups a chunk of the same instances has the same geometries.
-  const bool by_chunks = !changed_ && members_.empty() && !before_->group;
-  made_->geometries =
-      by_chunks ? before_->geometries : ChunkedArray<GeometryHandle>::unwritten(count);
-  for (u32 c = 0; c < made_->geometries.chunk_count(); ++c) {
-    HELIO_TRY(interrupt_.status());
-    if (!by_chunks || !kept_.chunk(placement_, c)) instances_of(c);
-  }
-  if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
+  HELIO_TRY(interrupt_.status());
+  made_->chunks.resize(instances_.chunk_count());
+  // Without groups a chunk of the same slots has the same instances.
+  const bool by_chunks = before_ && members_.empty() && !before_->group;
+  std::atomic<bool> failed = false;
+  parallel_for(made_->chunks.size(), [&](std::size_t c) {
+    const bool is_kept = by_chunks && kept_.chunk(placement_, u32(c));
+    made_->chunks[c] = is_kept ? before_->chunks[c] : chunk(u32(c));
+    if (rtcGetDeviceError(device_) != RTC_ERROR_NONE) failed = true;  // the thread's
+  });
+  HELIO_TRY(interrupt_.status());
+  if (failed)
     return fail(Code::kResourceExhausted, "", "Embree could not place the scene's instances");
   return {};
-}
-
-void Builder::instances_of(u32 chunk) {
-  const auto geometries = made_->geometries.write_chunk(chunk);
-  for (u32 k = 0; k < geometries.size(); ++k) {
-    const u32 i = chunk * ChunkedArray<GeometryHandle>::kRows + k;
-    const u32 old = before_ ? kept_.slot(placement_, i) : kNone;
-    changed_ |= old != i || bool(before_->geometries[old]) == is_grouped(i);
-    const bool reused = old != kNone && before_->geometries[old];
-    if (is_grouped(i))
-      geometries[k] = {};
-    else
-      geometries[k] = reused ? before_->geometries[old] : instance(i);
-  }
 }
 
 Status Builder::group() {
@@ -134,26 +185,36 @@ Status Builder::group() {
 }
 
 Status Builder::scene() {
-  if (!changed_) {
+  if (before_ && made_->chunks == before_->chunks && made_->group == before_->group) {
     made_->scene = before_->scene;
     return {};
   }
+  if (made_->group && std::ranges::all_of(made_->chunks, is_empty)) {
+    made_->scene = made_->group->scene;
+    return {};
+  }
   made_->scene = new_scene(device_);
-  u32 number = 0;
-  for (u32 c = 0; c < made_->geometries.chunk_count(); ++c)
-    for (const GeometryHandle& geometry : made_->geometries.chunk(c)) {
-      if (geometry) rtcAttachGeometryByID(made_->scene.get(), geometry.get(), number);
-      ++number;
-    }
+  const u32 slots = placement_.slots.size();
+  for (u32 c = 0; c < made_->chunks.size(); ++c) {
+    const InstanceChunk& chunk = *made_->chunks[c];
+    rtcAttachGeometryByID(made_->scene.get(), chunk.still.geometry.get(), slots + c);
+    for (u32 i = 0; i < chunk.moving.size(); ++i)
+      if (chunk.moving[i])
+        rtcAttachGeometryByID(made_->scene.get(), chunk.moving[i].get(), c * kRows + i);
+  }
   if (made_->group)
-    rtcAttachGeometryByID(made_->scene.get(), made_->group->instance.get(),
-                          u32(made_->geometries.size()));
+    rtcAttachGeometryByID(made_->scene.get(), made_->group->instance.geometry.get(),
+                          slots + u32(made_->chunks.size()));
   return commit(made_->scene.get(), device_, interrupt_);
 }
 
 }  // namespace
 
-Box TopLevel::bounds() const { return bounds_of(scene.get()); }
+Box TopLevel::bounds() const {
+  Box box;
+  for (const auto& chunk : chunks) box.extend(chunk->bounds);
+  return box;
+}
 
 u64 TopLevel::static_bytes_beside(const SceneAccelerator* other) const {
   if (!group) return 0;
@@ -185,7 +246,6 @@ TracedScene traced(const Placement& placement, const kernels::SceneView& view) {
   TracedScene traced{
       .top = top->scene.get(), .instance_scenes = top->instance_scenes->data(), .view = &view};
   if (const StaticGroup* group = top->group.get()) {
-    traced.group = u32(placement.slots.size());
     traced.group_instances = group->slots.data();
   }
   return traced;

@@ -1,6 +1,7 @@
 // The instances of a placement as one Embree scene.
 #pragma once
 
+#include "renderer/backend/embree/instance_geometry.h"
 #include "renderer/backend/embree/static_group.h"
 #include "renderer/backend/embree/tracer.h"
 #include "renderer/placement/placement.h"
@@ -8,10 +9,17 @@
 
 namespace heliograph::embree {
 
+/// The instances of a chunk of slots.
+struct InstanceChunk {
+  InstanceGeometry still;              // by row; without a box: those of the group, those that move
+  std::vector<GeometryHandle> moving;  // by row; null: all others
+  Box bounds;                          // of all of them
+};
+
 struct TopLevel final : SceneAccelerator {
   std::shared_ptr<const std::vector<RTCScene>> instance_scenes;  // by slot
-  ChunkedArray<GeometryHandle> geometries;                       // by slot; null: in the group
-  std::shared_ptr<const StaticGroup> group;                      // its number in the scene: slots
+  std::vector<std::shared_ptr<const InstanceChunk>> chunks;
+  std::shared_ptr<const StaticGroup> group;
   SceneHandle scene;
 
   [[nodiscard]] Box bounds() const override;
