@@ -1,8 +1,8 @@
-// Instances that stand still as a geometry of our own: Embree's boxes about its instances are those
-// about turned boxes, and twice as many are entered for nothing. Called by top_level.cpp.
+// Instances that stand still, as user geometries of Embree in tight boxes (support.h). Embree's own
+// instances lie in the boxes about their turned boxes, and rays enter many of them for nothing.
+// Called by top_level.cpp and static_group.cpp.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "renderer/backend/embree/embree.h"
@@ -18,13 +18,14 @@ struct alignas(64) PlacedScene {
 };
 static_assert(sizeof(PlacedScene) == 64);
 
+/// Some of them.
 struct InstanceGeometry {
   std::vector<PlacedScene> instances;
   std::vector<Box> boxes;  // where rays look for them; empty: nowhere
   GeometryHandle geometry;
 };
 
-/// Sets the geometry, committed, which reads the rest. Lifetime: of `instances`.
+/// Sets the geometry, committed. It reads the rest as long as it lives.
 void make_geometry(InstanceGeometry& instances, RTCDevice device);
 
 }  // namespace heliograph::embree

@@ -12,8 +12,8 @@ namespace heliograph::embree {
 
 using namespace resident;
 
-/// Known in 146 directions, those of a grid on an octahedron. In others it is interpolated, which
-/// gives no less than there is, as a support function is convex; 3 % more for a ball.
+/// It is known in 146 directions, those of a grid on an octahedron. In others it is interpolated,
+/// which gives no less than there is, as a support function is convex; at most 4 % more for a ball.
 class Support {
  public:
   Support() = default;  // of no points
@@ -32,7 +32,7 @@ class Support {
 
   // By whether z is negative, then x and y in steps; of directions with |x| + |y| + |z| = 1.
   float reach_[2][2 * kMiddle + 1][2 * kMiddle + 1] = {};
-  float farthest_ = -1;  // coordinate from 0; < 0: there is no point
+  float farthest_ = -1;  // the largest |coordinate|; < 0: there is no point
 };
 
 }  // namespace heliograph::embree
