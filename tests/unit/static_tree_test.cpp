@@ -235,3 +235,24 @@ TEST_CASE("static tree: rays take fewer steps than through instances that overla
   INFO("steps a ray: " << double(steps) / kRays << ", apart " << double(steps_apart) / kRays);
   CHECK(steps * 3 < steps_apart * 2);
 }
+
+TEST_CASE("static tree: Embree's bounds follow a member that moves, whatever came before") {
+  const embree::DeviceHandle device(rtcNewDevice(nullptr));
+  const embree::EmbreeAccelerator accelerator(device.get(), kMost);
+  resident::DerivedCache cache(1u << 30), other_cache(1u << 30);
+  resident::SceneStore store(accelerator, cache, 1u << 30);
+  resident::SceneStore fresh(accelerator, other_cache, 1u << 30);
+  const auto scene = twins(48).apply();
+  const auto before = store.prepare(scene, {0, 0}, Interrupt{});
+  REQUIRE(before);
+  Edits away;
+  scene->entities.for_each([&](u32, const Entity& entity) {
+    if (entity.is_static) away.pose(*entity.name, translation({0, 0, 400}));
+  });
+  const auto moved = away.apply(*scene);
+  const auto after = store.prepare(moved, {0, 0}, Interrupt{});
+  const auto alone = fresh.prepare(moved, {0, 0}, Interrupt{});
+  REQUIRE((after && alone));
+  CHECK((*after)->placement().bounds.upper.z > 400);
+  CHECK((*after)->placement().bounds.upper == (*alone)->placement().bounds.upper);
+}

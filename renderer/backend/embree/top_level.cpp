@@ -48,7 +48,7 @@ bool same_rows(const std::vector<T>& a, const std::vector<T>& b) {
   return std::ranges::equal(a, b, same_bytes<T>);
 }
 bool same(const InstanceChunk& a, const InstanceChunk& b) {
-  return same_rows(a.still.instances, b.still.instances) &&
+  return same_bytes(a.bounds, b.bounds) && same_rows(a.still.instances, b.still.instances) &&
          same_rows(a.still.boxes, b.still.boxes) &&
          std::ranges::equal(a.moving, b.moving, {}, &GeometryHandle::get, &GeometryHandle::get);
 }
