@@ -16,6 +16,7 @@ constexpr u64 kLargest = 64 << 20;  // unless a single frame needs more
 constexpr u64 kArenas = 32;
 
 constexpr u64 round_up(u64 bytes, u64 step) { return (bytes + step - 1) / step * step; }
+constexpr u64 lease_size(u64 bytes) { return round_up(std::max<u64>(bytes, 1), kAlignment); }
 
 }  // namespace
 
@@ -51,21 +52,31 @@ Arenas::Places::iterator Arenas::make(u64 bytes) {
       .first;
 }
 
-std::optional<Lease> Arenas::lease(u64 bytes, u64 call) {
-  const u64 size = round_up(std::max<u64>(bytes, 1), kAlignment);
-  std::optional<u64> offset;
-  auto arena = arenas_.begin();
-  while (arena != arenas_.end() && !(offset = take(arena->second, size))) ++arena;
-  if (arena == arenas_.end()) {
-    arena = make(size);
-    if (arena == arenas_.end()) return std::nullopt;
-    offset = take(arena->second, size);
-  }
+Lease Arenas::use(Places::iterator arena, Use use) {
   const u64 generation = room_.next_number();
-  uses_.emplace(generation,
-                Use{.arena = arena->first, .offset = *offset, .bytes = size, .call = call});
+  use.arena = arena->first;
+  uses_.emplace(generation, use);
   const auto& memory = arena->second.memory;
-  return Lease{arena->first, generation, *offset, memory, memory->bytes().subspan(*offset, size)};
+  return {use.arena, generation, use.offset, memory,
+          memory->bytes().subspan(use.offset, use.bytes)};
+}
+
+std::optional<Lease> Arenas::reuse(u64 bytes, u64 call) {
+  const u64 size = lease_size(bytes);
+  for (auto arena = arenas_.begin(); arena != arenas_.end(); ++arena)
+    if (const auto offset = take(arena->second, size))
+      return use(arena, {.offset = *offset, .bytes = size, .call = call});
+  return std::nullopt;
+}
+
+std::optional<Lease> Arenas::lease(u64 bytes, u64 call) {
+  if (auto lease = reuse(bytes, call)) return lease;
+  const u64 size = lease_size(bytes);
+  const auto arena = make(size);
+  if (arena == arenas_.end()) return std::nullopt;
+  const auto offset = take(arena->second, size);
+  if (!offset) return std::nullopt;
+  return use(arena, {.offset = *offset, .bytes = size, .call = call});
 }
 
 void Arenas::end(Places::iterator arena, bool is_known) {

@@ -22,8 +22,9 @@ class Arenas {
  public:
   explicit Arenas(SharedRoom& room) : room_(room) {}
 
-  /// Leases a range, aligned to 64 bytes. None when there is no room, or the socket accepts
-  /// nothing.
+  /// Leases a range, aligned to 64 bytes, of the arenas that are there. None when they are full.
+  [[nodiscard]] std::optional<Lease> reuse(u64 bytes, u64 call);
+  /// The same, or of a new arena. None when there is no room, or the socket accepts nothing.
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call);
   /// Ends the client's use of a lease. Ignores an unknown generation.
   void give_back(u64 buffer, u64 generation);
@@ -62,6 +63,7 @@ class Arenas {
 
   [[nodiscard]] std::optional<u64> take(Arena& arena, u64 bytes);
   [[nodiscard]] Places::iterator make(u64 bytes);
+  Lease use(Places::iterator arena, Use use);
   void end_if_over(Uses::iterator use);
   Uses::iterator lose(Uses::iterator use);
   void end_use(Places::iterator arena);

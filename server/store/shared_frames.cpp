@@ -93,23 +93,32 @@ u64 SharedFrames::new_call() {
   return room_.next_number();
 }
 
-std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
-  std::unique_lock lock(mutex_);
-  if (!source) return arenas_.lease(bytes, call);
-  auto found = smallest_free(bytes, source);
-  if (found == buffers_.end()) {
-    // The client may have returned some, and the loop not have read it yet.
-    lock.unlock();
-    poll_();
-    lock.lock();
-    found = smallest_free(bytes, source);
-  }
-  if (found == buffers_.end()) found = make(bytes, source);
+std::optional<Lease> SharedFrames::reuse(u64 bytes, u64 call, const Source& source) {
+  if (!source) return arenas_.reuse(bytes, call);
+  const auto found = smallest_free(bytes, source);
   if (found == buffers_.end()) return std::nullopt;
+  return use(found, call);
+}
+
+Lease SharedFrames::use(Buffers::iterator found, u64 call) {
   Buffer& buffer = found->second;
   buffer.call = call;
   buffer.generation = room_.next_number();
-  return Lease{found->first, buffer.generation, 0, buffer.memory, buffer.memory->bytes()};
+  return {found->first, buffer.generation, 0, buffer.memory, buffer.memory->bytes()};
+}
+
+std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (auto lease = reuse(bytes, call, source)) return lease;
+  }
+  poll_();  // the client may have returned some, and the loop not have read it yet
+  const std::lock_guard lock(mutex_);
+  if (!source) return arenas_.lease(bytes, call);
+  if (auto lease = reuse(bytes, call, source)) return lease;
+  const auto made = make(bytes, source);
+  if (made == buffers_.end()) return std::nullopt;
+  return use(made, call);
 }
 
 void SharedFrames::give_back(u64 buffer, u64 generation) {

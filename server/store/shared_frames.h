@@ -78,6 +78,9 @@ class SharedFrames final : public SharedMemoryKeeper,
   using Buffers = std::unordered_map<u64, Buffer>;
 
   [[nodiscard]] Expected<std::shared_ptr<const LentMemory>> lent(const v1::BufferRef& ref) const;
+  /// Leases memory that is there; none where all is in use.
+  [[nodiscard]] std::optional<Lease> reuse(u64 bytes, u64 call, const Source& source);
+  [[nodiscard]] Lease use(Buffers::iterator found, u64 call);
   [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   [[nodiscard]] std::shared_ptr<SharedMemory> ask(u64 bytes, SharedMemorySource& source);

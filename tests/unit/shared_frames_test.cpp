@@ -128,6 +128,17 @@ TEST_CASE("shared frames: leases whose ends were not read yet are used before me
   }
 }
 
+TEST_CASE("shared frames: ranges whose ends were not read yet are used before an arena is made") {
+  Stage stage;
+  for (int i = 0; i < 20; ++i) {
+    const auto lease = stage.frames.lease(kStep, 1);
+    REQUIRE(lease);
+    CHECK((stage.told.size() == 1 && stage.frames.used() == std::pair<u64, u32>(kStep, 1)));
+    stage.frames.let_be(*lease, true);
+    stage.unread = lease;
+  }
+}
+
 TEST_CASE("shared frames: what a call left is not used again") {
   Stage stage;
   (void)stage.frames.lease(kStep, 7, stage.gpu);
