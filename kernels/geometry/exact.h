@@ -8,49 +8,25 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// A hit's distance and its place: the weights of vertices 1 and 2, or as curve.h has it.
-struct ExactHit {
-  double t, u, v;
-};
-
-/// The same ray in the space of an object, in double precision.
-HELIO_GPU_NOINLINE KERNEL bool meet_strand_exactly(const SceneView& scene, const Ray& ray,
-                                                   glm::dvec3 direction, const Hit& hit,
-                                                   ExactHit& exact) {
-  const InstanceView& instance = scene.instances[hit.instance];
-  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
-  const glm::dmat3 to_object = glm::inverse(glm::dmat3{pose[0], pose[1], pose[2]});
-  const SegmentRayOf<double> local{to_object * (glm::dvec3(ray.origin) - pose[3]),
-                                   to_object * direction, INFINITY};
-  SegmentHitOf<double> met;
-  const PrimitiveAt at{scene.meshes[instance.mesh], hit.primitive, ray.time};
-  if (!meet_segment<double>(at, local, met)) return false;
-  exact = {met.t, met.place.x, met.place.y};
-  return true;
-}
-
 /// By meet_triangle() in single precision a place on a floor of two triangles, a kilometre wide,
-/// may be off by a millimetre. False for a disc and a sphere, and where the ray passes beside the
-/// primitive.
+/// may be off by a millimetre. False where the kind has no such test, and where the ray passes
+/// beside the primitive.
 ///
 /// direction   of the ray, unit
 KERNEL bool meet_exactly(const SceneView& scene, const Ray& ray, glm::dvec3 direction,
                          const Hit& hit, ExactHit& exact) {
-  using glm::dvec3;
   const InstanceView& instance = scene.instances[hit.instance];
-  const MeshView& mesh = scene.meshes[instance.mesh];
-  if (mesh.shape == Shape::kCurves) return meet_strand_exactly(scene, ray, direction, hit, exact);
-  if (mesh.shape != Shape::kTriangles) return false;
-  const auto c = corners_at<dvec3>(mesh, mesh.triangles[hit.primitive], ray.time);
-  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
-  const glm::dmat3 linear{pose[0], pose[1], pose[2]};
-  const dvec3 ab = linear * c.ab, ac = linear * c.ac;
-  const dvec3 to_a = linear * c.a + (pose[3] - dvec3(ray.origin));
-  const dvec3 normal = cross(ab, ac), r = cross(to_a, direction);
-  const double inverse = 1 / dot(normal, direction);
-  exact = {dot(normal, to_a) * inverse, dot(r, ac) * inverse, -dot(r, ab) * inverse};
-  constexpr double kBeside = -0.125;
-  return exact.t > 0 && exact.u > kBeside && exact.v > kBeside && 1 - exact.u - exact.v > kBeside;
+  const PrimitiveAt at{scene.meshes[instance.mesh], hit.primitive, ray.time};
+  return with_kind(at.mesh.shape, [&](auto kind) {
+    if constexpr (!requires { &decltype(kind)::meet_exactly; })
+      return false;
+    else
+      return decltype(kind)::meet_exactly(
+          at,
+          {glm::dmat4x3(pose_at(scene, instance, ray.time).world_from_object),
+           glm::dvec3(ray.origin), direction},
+          exact);
+  });
 }
 
 /// Relative distances within which single precision may not tell which of two surfaces is nearer.

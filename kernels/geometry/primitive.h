@@ -6,6 +6,7 @@
 //   meet(at, ray, hit)                where a ray meets it first; triangles leave that to tracers,
 //                                     whose tests are watertight (bvh_meet.h, Embree)
 //   surface(at, place)                a point of it
+//   meet_exactly(at, ray, hit)        meet() in double precision, for labels; shapes have none
 // How lights of a kind are sampled is in kernels/light: light_triangle.h, light_shape.h.
 #pragma once
 
@@ -48,6 +49,16 @@ struct PrimitiveSurfaceOf {
 };
 using PrimitiveSurface = PrimitiveSurfaceOf<float>;
 
+/// A ray of the world in double precision, and where the object is.
+struct ExactRay {
+  glm::dmat4x3 world_from_object;
+  glm::dvec3 origin, direction;  // unit
+};
+/// A hit's distance and its place: the weights of vertices 1 and 2, or as curve.h has it.
+struct ExactHit {
+  double t, u, v;
+};
+
 struct Triangles {
   template <class Box>
   KERNEL static void bound(const MeshView& mesh, u32 primitive, u32 key, Box& box) {
@@ -61,32 +72,35 @@ struct Triangles {
   KERNEL static PrimitiveSurface surface(const PrimitiveAt& at, vec2 weights) {
     return surface(corners_at(at.mesh, at.mesh.triangles[at.primitive], at.time), weights);
   }
+  KERNEL static bool meet_exactly(const PrimitiveAt& at, const ExactRay& ray, ExactHit& hit) {
+    using glm::dvec3;
+    const auto c = corners_at<dvec3>(at.mesh, at.mesh.triangles[at.primitive], at.time);
+    const glm::dmat4x3& pose = ray.world_from_object;
+    const glm::dmat3 linear{pose[0], pose[1], pose[2]};
+    const dvec3 ab = linear * c.ab, ac = linear * c.ac;
+    const dvec3 to_a = linear * c.a + (pose[3] - ray.origin);
+    const dvec3 normal = cross(ab, ac), r = cross(to_a, ray.direction);
+    const double inverse = 1 / dot(normal, ray.direction);
+    hit = {dot(normal, to_a) * inverse, dot(r, ac) * inverse, -dot(r, ab) * inverse};
+    constexpr double kBeside = -0.125;
+    return hit.t > 0 && hit.u > kBeside && hit.v > kBeside && 1 - hit.u - hit.v > kBeside;
+  }
 };
 
-/// Its triangle's plane is its own.
-struct Disc : Triangles {
+/// A mesh that stands for a shape (shape.h).
+template <class S>
+struct Whole {
   template <class Box>
   KERNEL static void bound(const MeshView&, u32, u32, Box& box) {
-    box.extend(vec3(-1, -1, 0));
-    box.extend(vec3(1, 1, 0));
+    box.extend(-S::reach());
+    box.extend(S::reach());
   }
   KERNEL static bool meet(const PrimitiveAt&, const ShapeRay& ray, ShapeHit& hit) {
-    return meet_disc(ray, hit);
-  }
-};
-
-struct Sphere {
-  template <class Box>
-  KERNEL static void bound(const MeshView&, u32, u32, Box& box) {
-    box.extend(vec3(-1));
-    box.extend(vec3(1));
-  }
-  KERNEL static bool meet(const PrimitiveAt&, const ShapeRay& ray, ShapeHit& hit) {
-    return meet_sphere(ray, hit);
+    return S::meet(ray, hit);
   }
   KERNEL static PrimitiveSurface surface(const PrimitiveAt&, vec2 place) {
-    const vec3 p = sphere_point(place);
-    return {p, p, {vec3(0), vec3(1), vec3(1)}};
+    const vec3 p = S::point(place);
+    return {p, S::normal(p), {vec3(0), vec3(1), vec3(1)}};
   }
 };
 
@@ -117,28 +131,40 @@ struct Curves {
     const vec3 width(max2(s.ra, s.rb));
     return {s.a + point.p, point.normal, {s.a, abs3(s.ab) + width, width}};
   }
+  HELIO_GPU_NOINLINE KERNEL static bool meet_exactly(const PrimitiveAt& at, const ExactRay& ray,
+                                                     ExactHit& hit) {
+    const glm::dmat4x3& pose = ray.world_from_object;
+    const glm::dmat3 to_object = glm::inverse(glm::dmat3{pose[0], pose[1], pose[2]});
+    SegmentHitOf<double> met;
+    if (!meet_segment<double>(
+            at, {to_object * (ray.origin - pose[3]), to_object * ray.direction, INFINITY}, met)) {
+      return false;
+    }
+    hit = {met.t, met.place.x, met.place.y};
+    return true;
+  }
 };
 
 /// Calls f with the kind of a mesh.
 template <class F>
 KERNEL auto with_kind(Shape shape, const F& f) {
   switch (shape) {
-    case Shape::kDisc:
-      return f(Disc{});
-    case Shape::kSphere:
-      return f(Sphere{});
+    case Shape::kTriangles:
+      return f(Triangles{});
     case Shape::kCurves:
       return f(Curves{});
-    case Shape::kTriangles:
-      break;
+    default:
+      return with_shape(shape, [&](auto of) { return f(Whole<decltype(of)>{}); });
   }
-  return f(Triangles{});
 }
 
 KERNEL PrimitiveSurface primitive_surface(const PrimitiveAt& at, vec2 place) {
   if (has_curves(at.mesh)) return Curves::surface(at, place);
-  if (at.mesh.shape == Shape::kSphere) return Sphere::surface(at, place);
-  return Triangles::surface(at, place);  // and Disc
+  if (is_round(at.mesh.shape)) {
+    return with_shape(at.mesh.shape,
+                      [&](auto of) { return Whole<decltype(of)>::surface(at, place); });
+  }
+  return Triangles::surface(at, place);  // a flat shape's plane is that of its triangle
 }
 
 /// Extends a box by where a primitive is at a key of its mesh.

@@ -4,6 +4,14 @@
 // In object space a disc is the unit disc in the plane z = 0, its front towards -z, and a sphere
 // the unit sphere about the origin. Each is the primitive 0 of a mesh whose one triangle carries
 // the corners of texture space; a point of it is named by a place, (u, v) in [0, 1]^2.
+//
+// A shape has a type with
+//   kRound               whether it is more than its triangle's plane
+//   reach()              half of its box, which has the origin in its middle
+//   meet(ray, hit)       where a ray meets it first
+//   point(place)         the point at a place, and place(p) the other way
+//   normal(p)            unit, of its front
+// How light that it emits is sampled is in kernels/light/light_shape.h.
 #pragma once
 
 #include "kernels/core/math.h"
@@ -67,9 +75,38 @@ KERNEL bool meet_sphere(const ShapeRay& ray, ShapeHit& hit) {
   return true;
 }
 
-/// Where a ray meets a disc or a sphere first.
+struct Disc {
+  static constexpr bool kRound = false;
+  KERNEL static vec3 reach() { return vec3(1, 1, 0); }
+  KERNEL static bool meet(const ShapeRay& ray, ShapeHit& hit) { return meet_disc(ray, hit); }
+  KERNEL static vec3 point(vec2 place) { return disc_point(place); }
+  KERNEL static vec2 place(vec3 p) { return disc_place(p); }
+  KERNEL static vec3 normal(vec3) { return vec3(0, 0, -1); }
+};
+
+struct Sphere {
+  static constexpr bool kRound = true;
+  KERNEL static vec3 reach() { return vec3(1); }
+  KERNEL static bool meet(const ShapeRay& ray, ShapeHit& hit) { return meet_sphere(ray, hit); }
+  KERNEL static vec3 point(vec2 place) { return sphere_point(place); }
+  KERNEL static vec2 place(vec3 p) { return sphere_place(p); }
+  KERNEL static vec3 normal(vec3 p) { return p; }
+};
+
+/// Calls f with the type of a shape.
+template <class F>
+KERNEL auto with_shape(Shape shape, const F& f) {
+  return shape == Shape::kDisc ? f(Disc{}) : f(Sphere{});
+}
+
+KERNEL bool is_round(Shape shape) {
+  return is_whole(shape) && with_shape(shape, [](auto of) { return decltype(of)::kRound; });
+}
+KERNEL vec3 shape_reach(Shape shape) {
+  return with_shape(shape, [](auto of) { return decltype(of)::reach(); });
+}
 KERNEL bool meet_shape(Shape shape, const ShapeRay& ray, ShapeHit& hit) {
-  return shape == Shape::kDisc ? meet_disc(ray, hit) : meet_sphere(ray, hit);
+  return with_shape(shape, [&](auto of) { return decltype(of)::meet(ray, hit); });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

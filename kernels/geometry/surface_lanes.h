@@ -57,9 +57,10 @@ struct SurfaceLanes {
   Vec2<Floats> barycentric{0};
   Mask has_normals = false;
 };
-/// True for triangles that do not deform: corners and normals are read where the mesh has them.
+/// True for triangles and flat shapes that do not deform: corners and normals are read where the
+/// mesh has them.
 KERNEL bool is_rigid_triangle(const MeshView& mesh) {
-  return mesh.segments == 0 && !has_curves(mesh) && mesh.shape != Shape::kSphere;
+  return mesh.segments == 0 && !has_curves(mesh) && !is_round(mesh.shape);
 }
 KERNEL void add(SurfaceLanes& lanes, u32 i, const Surface& s) {
   const MeshView& mesh = *s.mesh;

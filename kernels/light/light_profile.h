@@ -35,7 +35,7 @@ KERNEL vec3 profile_share(const SceneView& scene, u32 profile, const Surface& s,
   const vec3 y = dot(right, world[1]) < 0 ? -right : right;
   const vec3 intensity =
       profile_intensity(scene.textures[profile], vec3(dot(out, x), dot(out, y), dot(out, z)));
-  if (s.mesh->shape == Shape::kSphere) return intensity;
+  if (is_round(s.mesh->shape)) return intensity;
   return intensity / max2(std::fabs(dot(out, s.ng)), kProfileCosine);
 }
 

@@ -1,4 +1,8 @@
-// Directions to lights that are discs or spheres, and the cones of spot lights. Called by light.h.
+// Directions to lights that are shapes, and the cones of spot lights. Called by light.h.
+//
+// Each shape has
+//   sample_point(Shape, at, from, u, out)                a point that a receiver may see
+//   point_pdf(Shape, at, from, direction, distance)      the density of a direction to one, 1/sr
 #pragma once
 
 #include "kernels/geometry/shape.h"
@@ -16,7 +20,7 @@ KERNEL float cone_share(const LightView& light, const mat4x3& world_from_object,
   return sqr(clamp01((dot(out, axis) - light.cone_cos) * light.cone_scale));
 }
 
-/// A point of a disc or sphere in object space, and the density of its direction.
+/// A point of a shape in object space, and the density of its direction.
 struct ShapePoint {
   vec3 p;
   float pdf;  // 1/sr, in the world
@@ -76,7 +80,7 @@ KERNEL F sphere_error(Vec3<F> center, F radius, Vec3<F> n) {
 }
 
 /// Of a sphere that may be uneven, in object space.
-KERNEL bool sample_sphere_light(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
+KERNEL bool sample_point(Sphere, const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   const float distance2 = dot(origin, origin);
   if (distance2 > 1) {
@@ -90,6 +94,12 @@ KERNEL bool sample_sphere_light(const LightPlace& at, vec3 from, vec2 u, ShapePo
   }
   out.pdf = turned_pdf(at.pose.world_from_object, out.p - origin, sphere_pdf(distance2));
   return true;
+}
+
+KERNEL float point_pdf(Sphere, const LightPlace& at, vec3 from, vec3 direction, float) {
+  const vec3 origin = transform_point(at.pose.object_from_world, from);
+  const vec3 d = transform_vector(at.pose.object_from_world, direction);
+  return turned_pdf(at.pose.world_from_object, d, sphere_pdf(dot(origin, origin)));
 }
 
 // ---------------------------------------------------------------- discs
@@ -119,7 +129,7 @@ KERNEL float disc_area_pdf(const mat4x3& m, vec3 d, float distance) {
 ///
 /// Source: Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights", section 3, without
 /// drawing again.
-KERNEL bool sample_disc_light(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
+KERNEL bool sample_point(Disc, const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
   const mat4x3& world = at.pose.world_from_object;
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   if (origin.z >= 0 && !emits_back(at.light)) return false;
@@ -145,25 +155,26 @@ KERNEL bool sample_disc_light(const LightPlace& at, vec3 from, vec2 u, ShapePoin
   return true;
 }
 
-// ---------------------------------------------------------------- both
+KERNEL float point_pdf(Disc, const LightPlace& at, vec3 from, vec3 direction, float distance) {
+  const mat4x3& world = at.pose.world_from_object;
+  if (!is_near_disc(transform_point(at.pose.object_from_world, from))) {
+    return disc_area_pdf(world, direction, distance);
+  }
+  return 1 / disc_square(world, from).solid_angle();
+}
+
+// ---------------------------------------------------------------- all shapes
 
 HELIO_GPU_NOINLINE KERNEL bool sample_shape(const LightPlace& at, vec3 from, vec2 u,
                                             ShapePoint& out) {
-  return at.mesh.shape == Shape::kDisc ? sample_disc_light(at, from, u, out)
-                                       : sample_sphere_light(at, from, u, out);
+  return with_shape(at.mesh.shape, [&](auto of) { return sample_point(of, at, from, u, out); });
 }
 
 /// Density [1/sr] with which sample_shape() takes the direction to a point at a distance.
 HELIO_GPU_NOINLINE KERNEL float shape_pdf(const LightPlace& at, vec3 from, vec3 direction,
                                           float distance) {
-  const mat4x3& world = at.pose.world_from_object;
-  const vec3 origin = transform_point(at.pose.object_from_world, from);
-  if (at.mesh.shape == Shape::kSphere) {
-    const vec3 d = transform_vector(at.pose.object_from_world, direction);
-    return turned_pdf(world, d, sphere_pdf(dot(origin, origin)));
-  }
-  if (!is_near_disc(origin)) return disc_area_pdf(world, direction, distance);
-  return 1 / disc_square(world, from).solid_angle();
+  return with_shape(at.mesh.shape,
+                    [&](auto of) { return point_pdf(of, at, from, direction, distance); });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -8,6 +8,7 @@
 #include "kernels/geometry/motion.h"
 #include "renderer/lights/light_strength.h"
 #include "renderer/placement/mesh.h"
+#include "renderer/scene/light_shapes.h"
 
 namespace heliograph::resident {
 namespace {

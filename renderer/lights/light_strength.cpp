@@ -3,28 +3,15 @@
 
 #include <cmath>
 
+#include "kernels/geometry/shape.h"
 #include "renderer/derived/black_body.h"
+#include "renderer/scene/light_shapes.h"
 
 namespace heliograph::resident {
 namespace {
 
 constexpr double kLumensPerWatt = 683;
 constexpr double kSharpestCone = 1e-3;  // difference of cosines; KHR_lights_punctual
-
-/// Area of the unit sphere under a linear map that is not similar: the mean of |cof(M) n| over 4
-/// pi.
-double ellipsoid_area(const mat3& m) {
-  constexpr int kDirections = 4096;  // of a spherical Fibonacci lattice; errors below 1e-4
-  const mat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
-  double sum = 0;
-  for (int i = 0; i < kDirections; ++i) {
-    const double z = 1 - (2 * i + 1.0) / kDirections, r = std::sqrt(1 - z * z);
-    const double phi = i * M_PI * (3 - std::sqrt(5.0));
-    const vec3 n(r * std::cos(phi), r * std::sin(phi), z);
-    sum += double(glm::length(cofactor * n));
-  }
-  return 4 * M_PI * sum / kDirections;
-}
 
 /// Integrals of a cone's share over directions, plain and times the cosine to the axis, 1/sr.
 glm::dvec2 cone_integrals(const LightCone& cone) {
@@ -64,16 +51,6 @@ bool is_photometric(LightUnit unit) {
 
 }  // namespace
 
-std::optional<double> area_scale(const mat4x3& m) {
-  const vec3 x = m[0], y = m[1], z = m[2];
-  const float s = glm::dot(x, x), tolerance = 1e-4f * s;
-  const bool similar = std::abs(glm::dot(y, y) - s) < tolerance &&
-                       std::abs(glm::dot(z, z) - s) < tolerance &&
-                       std::abs(glm::dot(x, y)) < tolerance &&
-                       std::abs(glm::dot(x, z)) < tolerance && std::abs(glm::dot(y, z)) < tolerance;
-  return similar ? std::optional<double>(s) : std::nullopt;
-}
-
 double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& world, u32 part) {
   if (const auto scale = area_scale(world)) return *scale * double(trees.bounds[part].power);
   double area = 0;
@@ -109,16 +86,12 @@ LightExtent shape_extent(const Light& light, const mat4x3& world_from_shape,
                          const ProfileSums* profile) {
   const LightCone cone = cone_of(light);
   const glm::dvec2 integrals = cone.scale > 0 ? cone_integrals(cone) : glm::dvec2(0);
-  if (light.shape == LightShape::kSphere) {
-    const auto similar = area_scale(world_from_shape);
-    const double area = similar ? 4 * M_PI * *similar : ellipsoid_area(mat3(world_from_shape));
-    // A convex body shows a quarter of its area in the mean (Cauchy).
+  const double area = shape_area(light.shape, world_from_shape);
+  if (kernels::is_round(primitive_of(light.shape))) {
+    // It shows a quarter of its area in the mean (Cauchy).
     if (profile) return profile_extent(*profile, area / 4, true);
     return {cone.scale > 0 ? area / 4 * integrals.x : M_PI * area, area / 4, area / 4};
   }
-  const double unit = light.shape == LightShape::kDisc ? M_PI : 1;
-  const double area =
-      unit * double(glm::length(glm::cross(world_from_shape[0], world_from_shape[1])));
   if (profile) return profile_extent(*profile, area, light.two_sided);
   if (cone.scale > 0) return {area * integrals.y, area, area};
   return mesh_extent(area, light.two_sided);

@@ -1,8 +1,6 @@
 // From a light's strength to its radiance. Called by lights.cpp.
 #pragma once
 
-#include <optional>
-
 #include "renderer/lights/light_profile.h"
 #include "renderer/lights/part_trees.h"
 
@@ -32,8 +30,6 @@ struct LightCone {
 };
 [[nodiscard]] LightCone cone_of(const Light& light);
 
-/// Area factor of a linear map where it is the same for every direction; nullopt otherwise.
-[[nodiscard]] std::optional<double> area_scale(const mat4x3& m);
 /// Area of a part of a mesh in the world, m^2.
 [[nodiscard]] double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& world,
                                u32 part);

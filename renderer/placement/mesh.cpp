@@ -8,6 +8,7 @@
 
 #include "kernels/geometry/shape.h"
 #include "renderer/base/parallel.h"
+#include "renderer/scene/light_shapes.h"
 #include "renderer/scene/strands.h"
 
 namespace heliograph::resident {
@@ -55,21 +56,13 @@ DerivedKey accelerator_key(const MeshTopology& topology, const VertexKeys& rest,
 
 kernels::Shape shape_of(const MeshTopology& topology) {
   if (!topology.curves.empty()) return kernels::Shape::kCurves;
-  switch (topology.shape) {
-    case LightShape::kSphere:
-      return kernels::Shape::kSphere;
-    case LightShape::kDisc:
-      return kernels::Shape::kDisc;
-    case LightShape::kMesh:
-    case LightShape::kRectangle:
-      break;
-  }
-  return kernels::Shape::kTriangles;
+  return primitive_of(topology.shape);
 }
 
-/// Bounds of the unit disc or sphere under a linear map.
+/// Bounds of a shape under a linear map, as an ellipsoid or a flat one.
 Box shape_bounds(kernels::Shape shape, mat3 map) {
-  if (shape == kernels::Shape::kDisc) map[2] = vec3(0);
+  const vec3 reach = kernels::shape_reach(shape);
+  for (int i = 0; i < 3; ++i) map[i] *= reach[i];
   const vec3 half = sphere_reach(map);
   return {-half, half};
 }

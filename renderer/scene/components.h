@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "kernels/scene/camera_view.h"
@@ -97,8 +98,16 @@ struct Symmetry {
   vec3 offset{0};
 };
 
-/// What a light's radiance leaves from, where it is not the entity's mesh.
-enum class LightShape : u8 { kMesh, kSphere, kDisc, kRectangle };
+/// Shapes of lights, in the wire's order, and what rays meet of the meshes that stand for them.
+#define HELIO_LIGHT_SHAPES(X) X(kSphere, kSphere) X(kDisc, kDisc) X(kRectangle, kTriangles)
+
+/// What a light's radiance leaves from: the entity's mesh, or a shape.
+enum class LightShape : u8 {
+  kMesh,
+#define HELIO_SHAPE(name, primitive) name,
+  HELIO_LIGHT_SHAPES(HELIO_SHAPE)
+#undef HELIO_SHAPE
+};
 
 /// What does not change when vertices move. Arrays are per vertex unless they say otherwise.
 struct MeshTopology {
@@ -123,6 +132,13 @@ struct MeshTopology {
   // Of curves (strands.h); empty: triangles.
   ArrayOf<u32> curves;   // points of each strand; they follow each other
   ArrayOf<float> radii;  // metres, of the spheres about the points
+
+  /// The buffers of all arrays; null where one is empty.
+  [[nodiscard]] auto buffers() const {
+    return std::apply([](const auto&... a) { return std::array{a.buffer()...}; },
+                      std::tie(triangles, uvs, uvs1, colors, tangents, parts, joints, weights,
+                               morph_positions, morph_normals, skeleton, curves, radii));
+  }
 };
 
 /// Positions and normals at one or more times, in mesh coordinates.

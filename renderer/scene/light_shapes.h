@@ -1,14 +1,19 @@
 // Lights without a mesh of their own: the mesh that stands for their shape.
 #pragma once
 
+#include <optional>
+
+#include "kernels/scene/scene_view.h"
 #include "renderer/scene/snapshot.h"
 
 namespace heliograph {
 
-inline constexpr u32 kLightShapes = 3;
+#define HELIO_ONE(name, primitive) +1
+inline constexpr u32 kLightShapes = 0 HELIO_LIGHT_SHAPES(HELIO_ONE);
+#undef HELIO_ONE
 
-/// The unit shape, facing -Z: a square of side 1, a disc or a sphere of radius 1. A disc and a
-/// sphere have one triangle, which carries their texture coordinates; rays meet the shape itself.
+/// The unit shape, facing -Z: a square of side 1, a disc or a sphere of radius 1. What is no
+/// triangles has one, which carries texture coordinates; rays meet the shape itself.
 /// shape: not kMesh. Lives as long as the program.
 [[nodiscard]] const Mesh* shape_mesh(LightShape shape);
 
@@ -20,6 +25,15 @@ inline constexpr u32 kLightShapes = 3;
 
 /// Whether a light has a strength and a colour.
 [[nodiscard]] bool emits(const Light& light);
+
+/// What rays meet of it.
+[[nodiscard]] kernels::Shape primitive_of(LightShape shape);
+
+/// Area of a shape whose unit shape has this pose, m^2: one side of a flat one.
+[[nodiscard]] double shape_area(LightShape shape, const mat4x3& world_from_shape);
+
+/// Area factor of a linear map where it is the same for every direction; nullopt otherwise.
+[[nodiscard]] std::optional<double> area_scale(const mat4x3& m);
 
 /// Size of what an entity shows over that of its mesh, along the axes.
 [[nodiscard]] vec3 shown_scale(const Entity& entity);

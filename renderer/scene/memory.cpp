@@ -11,13 +11,10 @@ namespace {
 
 template <class F>
 void for_each_array(const Mesh& mesh, F&& f) {
-  const MeshTopology& t = *mesh.topology;
+  for (const BufferPtr& buffer : mesh.topology->buffers())
+    if (buffer) f(*buffer);
   for (const BufferPtr& buffer :
-       {t.triangles.buffer(), t.uvs.buffer(), t.uvs1.buffer(), t.colors.buffer(),
-        t.tangents.buffer(), t.parts.buffer(), t.joints.buffer(), t.weights.buffer(),
-        t.morph_positions.buffer(), t.morph_normals.buffer(), t.skeleton.buffer(),
-        t.curves.buffer(), t.radii.buffer(), mesh.vertices->positions.buffer(),
-        mesh.vertices->normals.buffer()})
+       {mesh.vertices->positions.buffer(), mesh.vertices->normals.buffer()})
     if (buffer) f(*buffer);
 }
 template <class F>

@@ -13,8 +13,11 @@ constexpr std::array kUnits{
     LightUnit::kCandela,  LightUnit::kProfileScale,
 };
 static_assert(kUnits.size() == v1::Light::Unit_ARRAYSIZE);
-constexpr std::array kShapes{LightShape::kMesh, LightShape::kMesh, LightShape::kSphere,
-                             LightShape::kDisc, LightShape::kRectangle};
+constexpr std::array kShapes{LightShape::kMesh, LightShape::kMesh,
+#define HELIO_SHAPE(name, primitive) LightShape::name,
+                             HELIO_LIGHT_SHAPES(HELIO_SHAPE)
+#undef HELIO_SHAPE
+};
 static_assert(kShapes.size() == v1::Light::Shape_ARRAYSIZE);
 
 constexpr Range kBrightness{0, 1e15};

@@ -51,7 +51,8 @@ Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh, R
   rtcAttachGeometryByID(made->scene.get(), geometry.get(), 0);
   HELIO_TRY(commit(made->scene.get(), device, interrupt));
   if (mesh.shape() == kernels::Shape::kTriangles) made->support = Support(mesh.positions.span());
-  made->bytes_ = mesh.topology->triangles.size() * kBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
+  made->bytes_ = sizeof(EmbreeMesh) +
+                 mesh.topology->triangles.size() * kBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
   return made;
 }
 
