@@ -11,6 +11,7 @@
 #include "server/calls/service.h"
 #include "server/config/version.h"
 #include "server/convert/frame.h"
+#include "server/convert/object.h"
 #include "server/convert/page.h"
 
 namespace heliograph::server {
@@ -69,6 +70,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   if (daemon.config.is_exposed()) reply.add_refused(kExposed);
   describe_decoder(daemon, reply);
   for (u32 i = 0; i < kernels::kPlanes; ++i) *reply.add_planes() = plane_kind(Plane(i));
+  *reply.mutable_default_material() = default_material();
 }
 
 /// Lists a tenant's sessions, oldest first, without their ids, which are secrets.

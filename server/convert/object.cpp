@@ -1,6 +1,8 @@
 // Rows to patches.
 #include "server/convert/object.h"
 
+#include "server/convert/nouns.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -95,6 +97,8 @@ PutTexture texture_of(const Texture& texture) {
 }
 
 }  // namespace
+
+v1::Material default_material() { return to_proto(material_of(make_material()), {}); }
 
 Action describe_object(const Snapshot& snapshot, Id id) {
   if (const Entity* entity = snapshot.find(EntityId(id)))

@@ -2,13 +2,18 @@
 
 import io
 import math
+from pathlib import Path
 
 import exported
 import heliograph as hg
 import numpy as np
 import pytest
+from heliograph._wire._proto import scene_pb2 as pb
+from heliograph.export.looks import look_of
+from heliograph.export.world import World
 from PIL import Image
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 PLANES = ["beauty", "depth", "normal", "base_color"]
 UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # file from world
 
@@ -272,3 +277,18 @@ def test_an_earlier_revision_and_an_empty_scene(scene, tmp_path):
     assert b'"late"' not in path.read_bytes()
     scene.export(path)
     assert b'"late"' in path.read_bytes()
+
+
+def test_defaults_are_those_of_the_contract(client):
+    """docs/materials.md lists them, too."""
+    defaults = client.info().default_material
+    look = look_of(World("", {}, defaults), "it", pb.Material())
+    page = (REPOSITORY / "docs/materials.md").read_text()
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| `")]
+    told = {row[1].strip().strip("`"): row[3].strip() for row in rows if len(row) > 4}
+    checked = 0
+    for name, field in look.fields.items():
+        if name in told and told[name].replace(".", "").isdigit():
+            np.testing.assert_allclose(field.value, float(told[name]), err_msg=name)
+            checked += 1
+    assert checked > 20

@@ -2,12 +2,10 @@
 
 import io
 import math
-from pathlib import Path
 
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._wire._proto import scene_pb2 as pb
 from heliograph.export.geometry import _merged, _unit
 from heliograph.export.gltf.lights import SHAPES
 from heliograph.export.gltf.write import unsheared
@@ -18,8 +16,6 @@ from heliograph.image import png
 from heliograph.values.pose import rotation_of_wxyz
 from heliograph.values.rotations import quaternions_of
 from PIL import Image
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def matrices(count=200):
@@ -132,20 +128,3 @@ def test_pictures_are_those_that_another_program_reads(channels):
     read = Image.open(io.BytesIO(png.encode(given)))
     assert read.mode == ("L", "LA", "RGB", "RGBA")[channels - 1]
     np.testing.assert_array_equal(np.asarray(read).reshape(texels.shape), texels)
-
-
-def test_defaults_are_those_of_the_contract():
-    """docs/materials.md lists them, too."""
-    from heliograph.export.looks import look_of
-    from heliograph.export.world import World
-
-    look = look_of(World("", {}), "it", pb.Material())
-    page = (REPOSITORY / "docs/materials.md").read_text()
-    rows = [line.split("|") for line in page.splitlines() if line.startswith("| `")]
-    told = {row[1].strip().strip("`"): row[3].strip() for row in rows if len(row) > 4}
-    checked = 0
-    for name, field in look.fields.items():
-        if name in told and told[name].replace(".", "").isdigit():
-            np.testing.assert_allclose(field.value, float(told[name]), err_msg=name)
-            checked += 1
-    assert checked > 20

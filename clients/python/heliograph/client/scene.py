@@ -358,11 +358,9 @@ class Scene:
         them: docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument:
         path.
         """
-        from ..export.write import checked_path, write
+        from ..export.write import export
 
-        final = checked_path(path)
-        request = service.ExportSceneRequest(scene=self.id, revision=revision)
-        write(final, self.name, self.client.connection.stream("ExportScene", request))
+        export(self, path, revision)
 
     def delete(self) -> None:
         """Deletes the scene in the daemon."""

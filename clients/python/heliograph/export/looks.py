@@ -11,14 +11,6 @@ from .._wire._proto import scene_pb2 as pb
 from .._wire.arrays import NdArray
 from .world import World, key_of
 
-# Defaults of material.proto that are not 0.
-_DEFAULTS: dict[str, float] = {
-    **{"base_color": 0.8, "roughness": 0.5, "specular": 1.0, "specular_color": 1.0, "ior": 1.5},
-    **{"emission_strength": 1.0, "alpha": 1.0, "sheen_color": 1.0, "sheen_roughness": 0.5},
-    **{"clearcoat_roughness": 0.03, "iridescence_ior": 1.3, "iridescence_thickness": 400.0},
-    **{"attenuation_color": 1.0, "subsurface_radius": 0.01, "subsurface_color": 0.8},
-    **{"medium_albedo": 1.0, "diffuse_transmission_color": 1.0},
-}
 MAPS = ("normal_map", "bump_map", "clearcoat_normal_map")
 _SRGB_KNEE = 0.04045
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -102,13 +94,10 @@ def look_of(world: World, name: str, message: pb.Material) -> Look:
 
 
 def _field(world: World, message: pb.Material, name: str) -> Field:
-    parameter, default = getattr(message, name), _DEFAULTS.get(name, 0.0)
-    value: Any
-    if isinstance(parameter, pb.ScalarParameter):
-        value = parameter.value if parameter.HasField("value") else default
-    else:
-        rgb = parameter.value
-        value = (rgb.x, rgb.y, rgb.z) if parameter.HasField("value") else (default,) * 3
+    parameter = getattr(message, name)
+    given = parameter if parameter.HasField("value") else getattr(world.default_material, name)
+    rgb: Any = given.value
+    value = rgb if isinstance(parameter, pb.ScalarParameter) else (rgb.x, rgb.y, rgb.z)
     return Field(value, use_of(world, parameter.texture) if parameter.HasField("texture") else None)
 
 

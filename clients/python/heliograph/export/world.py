@@ -67,6 +67,15 @@ class Dome:
     camera_visible: bool
 
 
+@dataclass(frozen=True)
+class Received:
+    """The daemon's answer to an ExportScene. default_material: it has values of all parameters."""
+
+    name: str
+    chunks: Iterable[service.SceneChunk]
+    default_material: pb.Material
+
+
 @dataclass
 class World:
     """Scene by keys. entities: parents before their children. time: seconds. notes: features that a
@@ -74,6 +83,7 @@ class World:
 
     name: str
     blobs: dict[bytes, bytearray]
+    default_material: pb.Material
     entities: dict[int, Entity] = field(default_factory=dict)
     shared: dict[int, Shared] = field(default_factory=dict)
     dome: Dome | None = None
@@ -110,10 +120,10 @@ class World:
         return not entity.is_hidden
 
 
-def read(name: str, chunks: Iterable[service.SceneChunk]) -> World:
+def read(scene: Received) -> World:
     """World of the answer to an ExportScene."""
-    header, blobs = _received(chunks)
-    world = World(name, blobs)
+    header, blobs = _received(scene.chunks)
+    world = World(scene.name, blobs, scene.default_material)
     found: dict[int, Entity] = {}
     for number, edit in enumerate(header.transaction.edits):
         _take(world, found, number, edit)

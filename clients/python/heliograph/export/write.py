@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .._optional import needed
 from .._wire._proto import service_pb2 as service
-from ..errors import InvalidArgument, NotFound, warn_of_file
-from .world import read
+from ..errors import InvalidArgument, NotFound, Unimplemented, warn_of_file
+from .world import Received, read
+
+if TYPE_CHECKING:
+    from ..client.scene import Scene
 
 ENDINGS = (".glb", ".usdz")
 
@@ -27,13 +30,20 @@ def checked_path(path: str | os.PathLike[str]) -> Path:
     return found
 
 
-def write(path: Path, name: str, chunks: Iterable[service.SceneChunk]) -> None:
+def export(scene: Scene, to: str | os.PathLike[str], revision: int | None) -> None:
     """Writes a .glb or .usdz file. Names it only once it is complete. Warns of features that the
     format lacks."""
+    path = checked_path(to)
     if path.suffix.lower() == ".usdz":
         needed("pxr", "writing .usdz files needs", "usd")
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    world = read(name, chunks)
+    connection = scene.client.connection
+    server = connection.link.server
+    if not server.HasField("default_material"):
+        raise Unimplemented(f"heliographd {server.version} cannot be exported from; update it")
+    request = service.ExportSceneRequest(scene=scene.id, revision=revision)
+    chunks = connection.stream("ExportScene", request)
+    world = read(Received(scene.name, chunks, server.default_material))
     try:
         if path.suffix.lower() == ".glb":
             from .gltf.write import write as write_glb
