@@ -46,13 +46,10 @@ KERNEL Vec3<F> sample_cone(Vec3<F> axis, F depth, Vec2<F> u) {
 /// Weights of a triangle's vertices 1 and 2, uniform in area.
 ///
 /// Source: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
-KERNEL vec2 sample_triangle(vec2 u) {
-  if (u.y > u.x) {
-    const float a = 0.5f * u.x;
-    return vec2(a, u.y - a);
-  }
-  const float b = 0.5f * u.y;
-  return vec2(u.x - b, b);
+template <class F>
+KERNEL Vec2<F> sample_triangle(Vec2<F> u) {
+  const F a = 0.5f * u.x, b = 0.5f * u.y;
+  return select(u.y > u.x, Vec2<F>(a, u.y - a), Vec2<F>(u.x - b, b));
 }
 
 /// The interval of a running sum that u in [0, total) falls into, and u's place in it.

@@ -4,19 +4,20 @@
 
 #include <cstddef>
 
-#include "kernels/core/lanes.h"
+#include "kernels/light/flat_lanes.h"
 #include "kernels/light/light.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// True if lights are sampled in lanes, too: even spheres and a dome that is even or has texels.
+/// True if lights are sampled in lanes, too: even spheres, flat ones, and a dome that is even or
+/// has texels.
 KERNEL bool has_plain_lights(const SceneView& scene) {
   const DomeView& dome = scene.dome;
   constexpr u64 kMostTexels = u64(1) << 31;  // that lanes can count
   const bool plain_dome =
       dome.row_cdf ? u64(dome.width) * dome.height <= kMostTexels : dome.texture == kNone;
   const bool plain_sky = !(dome.probability > 0) || (plain_dome && dome.portal_count == 0);
-  return scene.only_spheres && scene.sun_count == 0 && plain_sky && has_lights(scene);
+  return scene.only_even && scene.sun_count == 0 && plain_sky && has_lights(scene);
 }
 /// Where points that light comes to have to be taken one by one all the same: from both sides under
 /// an even dome.
@@ -65,6 +66,29 @@ struct LightLanes {
   Vec2<Floats> place;           // LightSample::place
 };
 
+/// Points of lights that are spheres or flat, where `wanted`.
+KERNEL LightPointOf<Floats> sample_even_lights(const SceneView& scene, Ints light, Mask wanted,
+                                               Vec3<Floats> p, Floats probability, Vec2<Floats> u) {
+  static_assert(sizeof(LightView) % sizeof(float) == 0 &&
+                offsetof(LightView, sphere_radius) == offsetof(LightView, sphere_center) + 12);
+  const FourOf<Floats> sphere =
+      gather4(&scene.lights[0].sphere_center.x, light * i32(sizeof(LightView) / sizeof(float)));
+  const Floats radius = sphere.of[3];
+  const Mask flat = wanted & !(radius > 0);
+  LightPointOf<Floats> out{};
+  if (any(flat)) {
+    const Ints one = fill(flat, light);
+    const auto lights = [&](u32 i) -> const LightView& { return scene.lights[get(one, i)]; };
+    out = sample_flat_lights(flat_lights(scene, lights), p, probability, u);
+    if (all(flat | !wanted)) return out;
+  }
+  const Vec3<Floats> center(sphere.of[0], sphere.of[1], sphere.of[2]), d = center - p;
+  LightPointOf<Floats> s = sample_sphere_light(center, radius, p, probability, u);
+  s.pdf = select(dot(d, d) > sqr(radius), s.pdf, Floats(0));
+  return {select(flat, out.direction, s.direction), select(flat, out.target, s.target),
+          select(flat, out.pdf, s.pdf)};
+}
+
 /// sample_light() of a scene that has_plain_lights(), but where a point takes_sides().
 KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<Floats>& to,
                                       const LightChoiceOf<Floats>& choice, Floats surfaces,
@@ -75,18 +99,12 @@ KERNEL LightLanes sample_plain_lights(const SceneView& scene, const LitPointOf<F
                  Vec2<Floats>(0)};
   if (any(of_tree)) {
     out.light = select(of_tree, link_at(scene.light_nodes, choice.leaf.node).first, Ints(0));
-    static_assert(sizeof(LightView) % sizeof(float) == 0 &&
-                  offsetof(LightView, sphere_radius) == offsetof(LightView, sphere_center) + 12);
-    const FourOf<Floats> sphere = gather4(&scene.lights[0].sphere_center.x,
-                                          out.light * i32(sizeof(LightView) / sizeof(float)));
-    const Vec3<Floats> center(sphere.of[0], sphere.of[1], sphere.of[2]);
-    const Floats radius = sphere.of[3];
-    const Vec3<Floats> d = center - to.p;
-    const SphereLightSample<Floats> s = sample_sphere_light(
-        center, radius, to.p, choice.leaf.probability, Vec2<Floats>(choice.leaf.rest, u.y));
+    const LightPointOf<Floats> s =
+        sample_even_lights(scene, out.light, of_tree, to.p, choice.leaf.probability,
+                           Vec2<Floats>(choice.leaf.rest, u.y));
     out.to.direction = s.direction;
     out.to.target = s.target;
-    out.to.pdf = select(dot(d, d) > sqr(radius), s.pdf, Floats(0));
+    out.to.pdf = s.pdf;
     out.light = select(of_tree, out.light, Ints(i32(kNone)));
   }
   if (!all(of_tree)) {

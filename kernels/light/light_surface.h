@@ -77,18 +77,19 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float light_pdf(const SceneView& scene, R
 }
 
 /// Whether a light has the same radiance at all its points in all directions.
-KERNEL bool is_even(const SceneView& scene, const LightView& light) {
+KERNEL bool is_even(const LightView& light, const InstanceView& instance) {
   return !light.material_emits && light.texture.texture == kNone && light.cone_scale == 0 &&
-         light.profile == kNone && !(scene.instances[light.instance].flags & kMayBeHole);
+         light.profile == kNone && !(instance.flags & kMayBeHole);
+}
+KERNEL bool is_even(const SceneView& scene, const LightView& light) {
+  return is_even(light, scene.instances[light.instance]);
 }
 
 /// Sets LightView::sphere_radius, and the centre with it, where a light is such a sphere.
 KERNEL void detect_sphere(LightView& light, const InstanceView& instance, Shape shape) {
   constexpr float kRounding = 1e-5f;
-  const bool even = !light.material_emits && !light.light_two_sided &&
-                    light.texture.texture == kNone && light.cone_scale == 0 &&
-                    light.profile == kNone && shows_to_all(instance.visibility) &&
-                    !(instance.flags & kMayBeHole) && instance.segments == 0;
+  const bool even = is_even(light, instance) && !light.light_two_sided &&
+                    shows_to_all(instance.visibility) && instance.segments == 0;
   if (!even || shape != Shape::kSphere) return;
   const mat4x3& pose = instance.world_from_object;
   const float square = dot(pose[0], pose[0]);
@@ -103,25 +104,24 @@ KERNEL void detect_sphere(LightView& light, const InstanceView& instance, Shape 
   light.sphere_radius = std::sqrt(square);
 }
 
-/// A light's sphere as seen from a point, where it is chosen with `probability`.
-///
-/// d   from the point to its centre
+/// A point of a light that is even, as another point sees it.
 template <class F>
-struct SphereLightSample {
+struct LightPointOf {
   Vec3<F> direction;  // unit
   Vec3<F> target;     // LightSample::target
-  F pdf;              // 1/sr
+  F pdf;              // 1/sr, the choice of the light included
 };
+/// One of a sphere, which is chosen with `probability`.
 template <class F>
-KERNEL SphereLightSample<F> sample_sphere_light(Vec3<F> center, F radius, Vec3<F> from,
-                                                F probability, Vec2<F> u) {
+KERNEL LightPointOf<F> sample_sphere_light(Vec3<F> center, F radius, Vec3<F> from, F probability,
+                                           Vec2<F> u) {
   const SphereDirection<F> seen = sample_sphere_seen(center - from, radius, u);
   const Vec3<F> p = center + seen.normal * radius;
   return {normalize(p - from), p + seen.normal * sphere_error(center, radius, seen.normal),
           probability * seen.pdf};
 }
 
-/// The rest of a sample of a disc or a sphere: its light is chosen, with `probability`.
+/// The rest of a sample of a shape: its light is chosen, with `probability`.
 KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, const Receiver& from,
                                float probability, vec2 u, LightSample& out) {
   const LightView& light = at.light;
@@ -144,14 +144,16 @@ KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, con
   if (at.light.cone_scale != 0 && cone_share(at.light, world, -out.direction) == 0) return false;
   out.pdf = probability * point.pdf;
   if (!(out.pdf > 0)) return false;
-  const bool disc = at.mesh.shape == Shape::kDisc;
-  const vec3 n =
-      normalize(transform_normal(at.pose.object_from_world, disc ? vec3(0, 0, -1) : point.p));
+  const Shape shape = at.mesh.shape;
+  const vec3 normal = with_shape(shape, [&](auto of) { return decltype(of)::normal(point.p); });
+  const vec3 n = normalize(transform_normal(at.pose.object_from_world, normal));
   const bool front = dot(out.direction, n) < 0;
   const float offset = plane_error(world, {vec3(0), vec3(1), vec3(1)}, n);
   out.target = p + n * (front ? offset : -offset);
   out.primitive = 0;
-  if (!is_even(scene, at.light)) out.place = disc ? disc_place(point.p) : sphere_place(point.p);
+  if (!is_even(scene, at.light)) {
+    out.place = with_shape(shape, [&](auto of) { return decltype(of)::place(point.p); });
+  }
   return true;
 }
 

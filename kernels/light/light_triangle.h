@@ -21,10 +21,14 @@ KERNEL LightPlace light_place(const SceneView& scene, u32 index, float time) {
   return {light, instance, scene.meshes[instance.mesh], pose_at(scene, instance, time), time};
 }
 
-/// A triangle of a light in world space.
-struct LightTriangle {
-  vec3 a, ab, ac;
-  vec3 normal;      // of the front side, its length twice the area
+/// A triangle in world space.
+template <class F>
+struct WorldTriangleOf {
+  Vec3<F> a, ab, ac;
+  Vec3<F> normal;  // of the front side, its length twice the area
+};
+/// One of a light.
+struct LightTriangle : WorldTriangleOf<float> {
   Corners corners;  // in object space
 };
 KERNEL LightTriangle light_triangle(const LightPlace& at, u32 entry) {
@@ -46,9 +50,10 @@ KERNEL bool emits_back(const LightView& light) {
 }
 
 /// Density [1/sr] of a direction to a point of a triangle, chosen by area. d: unit.
-KERNEL float area_pdf(const LightTriangle& t, vec3 d, float distance) {
-  const float projected = 0.5f * std::fabs(dot(t.normal, d));
-  return projected > 0 ? sqr(distance) / projected : 0;
+template <class F>
+KERNEL F area_pdf(const WorldTriangleOf<F>& t, Vec3<F> d, F distance) {
+  const F projected = 0.5f * abs(dot(t.normal, d));
+  return select(projected > 0, sqr(distance) / projected, F(0));
 }
 
 // ---------------------------------------------------------------- solid angles
@@ -57,16 +62,19 @@ KERNEL float area_pdf(const LightTriangle& t, vec3 d, float distance) {
 ///
 /// Source: Peters 2021, "BRDF Importance Sampling for Polygonal Lights", section 3.2, after Arvo
 /// 1995. g0 / (g1 + g2) is the tangent of half the solid angle (van Oosterom and Strackee 1983).
-struct SphereTriangle {
-  vec3 v0, v1, v2;  // unit
-  float g0, g1, g2;
-  float solid_angle;
+template <class F>
+struct SphereTriangleOf {
+  Vec3<F> v0, v1, v2;  // unit
+  F g0, g1, g2;
+  F solid_angle;
 };
-KERNEL SphereTriangle sphere_triangle(vec3 a, vec3 ab, vec3 ac, vec3 p) {
-  const vec3 d0 = a - p, d1 = d0 + ab, d2 = d0 + ac;
-  const float i0 = 1 / length(d0), i1 = 1 / length(d1), i2 = 1 / length(d2);
-  SphereTriangle s{d0 * i0, d1 * i1, d2 * i2, 0, 0, 0, 0};
-  s.g0 = std::fabs(dot(d0, cross(ab, ac))) * (i0 * i1 * i2);
+using SphereTriangle = SphereTriangleOf<float>;
+template <class F>
+KERNEL SphereTriangleOf<F> sphere_triangle(Vec3<F> a, Vec3<F> ab, Vec3<F> ac, Vec3<F> p) {
+  const Vec3<F> d0 = a - p, d1 = d0 + ab, d2 = d0 + ac;
+  const F i0 = 1 / sqrt(dot(d0, d0)), i1 = 1 / sqrt(dot(d1, d1)), i2 = 1 / sqrt(dot(d2, d2));
+  SphereTriangleOf<F> s{d0 * i0, d1 * i1, d2 * i2, F(0), F(0), F(0), F(0)};
+  s.g0 = abs(dot(d0, cross(ab, ac))) * (i0 * i1 * i2);
   s.g1 = dot(s.v0, s.v2) + dot(s.v1, s.v2);
   s.g2 = 1 + dot(s.v0, s.v1);
   s.solid_angle = 4 * kPi * atan2_turns(s.g0, s.g1 + s.g2);
@@ -74,24 +82,34 @@ KERNEL SphereTriangle sphere_triangle(vec3 a, vec3 ab, vec3 ac, vec3 p) {
 }
 
 /// Uniform in the triangle's solid angle.
-KERNEL vec3 sample_sphere_triangle(const SphereTriangle& s, vec2 u) {
-  const SinCos half = sincos_turns(u.x * s.solid_angle * (0.25f * kInvPi));
-  const vec3 r = s.v0 * (s.g0 * half.cos - s.g1 * half.sin) + s.v2 * (s.g2 * half.sin);
-  const vec3 v = normalize_or(r * (2 * dot(s.v0, r) / max2(dot(r, r), 1e-30f)) - s.v0, s.v2);
+template <class F>
+KERNEL Vec3<F> sample_sphere_triangle(const SphereTriangleOf<F>& s, Vec2<F> u) {
+  const SinCosOf<F> half = sincos_turns(F(u.x * s.solid_angle * (0.25f * kInvPi)));
+  const Vec3<F> r = s.v0 * (s.g0 * half.cos - s.g1 * half.sin) + s.v2 * (s.g2 * half.sin);
+  const Vec3<F> v = normalize_or(r * (2 * dot(s.v0, r) / max2(dot(r, r), F(1e-30f))) - s.v0, s.v2);
   // Between v1 and v, uniform in the cosine to v1.
-  const float far = dot(s.v1, v);
-  const float drop = u.y * 0.5f * dot(s.v1 - v, s.v1 - v);  // u.y (1 - far), without cancellation
-  const vec3 side = normalize_or(v - s.v1 * far, vec3(0));
+  const F far = dot(s.v1, v);
+  const F drop = u.y * 0.5f * dot(s.v1 - v, s.v1 - v);  // u.y (1 - far), without cancellation
+  const Vec3<F> side = normalize_or(v - s.v1 * far, Vec3<F>(F(0)));
   return s.v1 * (1 - drop) + side * safe_sqrt(drop * (2 - drop));
 }
 
 /// Whether the triangles of a leaf are large enough, seen from a point, to be sampled by solid
 /// angle.
-KERNEL bool is_near(const LightNode& leaf, vec3 p_object) {
+///
+/// center, radius2   of the leaf; p: in object space
+template <class F>
+KERNEL BoolOf<F> is_near(Vec3<F> center, F radius2, Vec3<F> p) {
   constexpr float kNear = 0.25f;
-  const vec3 d = leaf.center - p_object;
-  return leaf.radius2 > kNear * dot(d, d);
+  const Vec3<F> d = center - p;
+  return radius2 > kNear * dot(d, d);
 }
+KERNEL bool is_near(const LightNode& leaf, vec3 p_object) {
+  return is_near(leaf.center, leaf.radius2, p_object);
+}
+
+/// A triangle that shows less of itself is not sampled by solid angle.
+inline constexpr float kLeastSolidAngle = 1e-7f;
 
 /// The solid angle of a triangle times its radiosity; 0 where it shows a side that is dark.
 struct NearTriangle {
@@ -102,7 +120,7 @@ KERNEL NearTriangle near_triangle(const LightPlace& at, u32 entry, vec3 p) {
   const LightTriangle t = light_triangle(at, entry);
   if (dot(p - t.a, t.normal) <= 0 && !emits_back(at.light)) return {{}, 0};
   NearTriangle n{sphere_triangle(t.a, t.ab, t.ac, p), 0};
-  const bool visible = n.seen.solid_angle > 1e-7f;
+  const bool visible = n.seen.solid_angle > kLeastSolidAngle;
   if (visible) n.weight = at.light.tree.entries[entry].radiosity * n.seen.solid_angle;
   return n;
 }
@@ -121,13 +139,14 @@ struct TrianglePoint {
 };
 
 /// Place of the point in which a ray from p meets the plane of a triangle, moved into the triangle.
-KERNEL vec2 place_of(const LightTriangle& t, vec3 p, vec3 direction) {
-  const vec3 h = cross(direction, t.ac);
-  const float det = dot(t.ab, h);
-  const vec3 d = p - t.a;
-  const float x = clamp01(dot(d, h) / det);
-  const float y = clamp01(dot(direction, cross(d, t.ab)) / det);
-  return x + y > 1 ? vec2(x, y) / (x + y) : vec2(x, y);
+template <class F>
+KERNEL Vec2<F> place_of(const WorldTriangleOf<F>& t, Vec3<F> p, Vec3<F> direction) {
+  const Vec3<F> h = cross(direction, t.ac);
+  const F det = dot(t.ab, h);
+  const Vec3<F> d = p - t.a;
+  const F x = clamp01(F(dot(d, h) / det));
+  const F y = clamp01(F(dot(direction, cross(d, t.ab)) / det));
+  return select(x + y > 1, Vec2<F>(x / (x + y), y / (x + y)), Vec2<F>(x, y));
 }
 
 KERNEL void set_target(TrianglePoint& out, vec3 p) {
@@ -158,7 +177,7 @@ KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint
   u.x = rescale_uniform(rest, triangles[chosen].weight);
   out.entry = leaf.first + chosen;
   out.triangle = light_triangle(at, out.entry);
-  out.place = place_of(out.triangle, p, sample_sphere_triangle(seen, u));
+  out.place = place_of<float>(out.triangle, p, sample_sphere_triangle(seen, u));
   set_target(out, p);
   out.pdf = triangles[chosen].weight / (total * seen.solid_angle);
   return true;
@@ -181,7 +200,8 @@ HELIO_GPU_NOINLINE KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec2 u,
   io.triangle = light_triangle(at, entry);
   io.place = sample_triangle(vec2(rescale_uniform(rest, entries[entry].power), u.y));
   set_target(io, p);
-  io.pdf = area_pdf(io.triangle, io.direction, io.distance) * entries[entry].power / leaf.power;
+  io.pdf =
+      area_pdf<float>(io.triangle, io.direction, io.distance) * entries[entry].power / leaf.power;
   return true;
 }
 
@@ -192,7 +212,7 @@ HELIO_GPU_NOINLINE KERNEL float leaf_pdf(const LightPlace& at, u32 entry, vec3 p
   const LightNode& leaf = at.light.tree.nodes[e.leaf];
   if (!is_near(leaf, transform_point(at.pose.object_from_world, p))) {
     const LightTriangle t = light_triangle(at, entry);
-    return area_pdf(t, direction, distance) * e.power / leaf.power;
+    return area_pdf<float>(t, direction, distance) * e.power / leaf.power;
   }
   float total = 0;
   bool seen = false;

@@ -142,10 +142,9 @@ enum class Features : u8 {
 KERNEL Features features_of(const MaterialValues& m, bool thin_walled) {
   const bool apart = m.transmission > 0 && (thin_walled || m.transmission_roughness > 0);
   const bool disperses = m.transmission > 0 && m.dispersion > 0;
-  if (m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
-      m.anisotropic > 0 || m.diffuse_transmission > 0 || apart || disperses) {
-    return Features::kAll;
-  }
+#define HELIO_HAS(name) || m.name > 0
+  if (apart || disperses HELIO_LOBES(HELIO_HAS)) return Features::kAll;
+#undef HELIO_HAS
   const bool mirror = (m.specular > 0 || m.metallic > 0) && sqr(m.roughness) < kDeltaAlpha;
   return m.transmission > 0 || mirror ? Features::kGlass : Features::kOpaque;
 }
@@ -159,6 +158,7 @@ KERNEL bool is_rich(const MaterialView& material) {
 /// Counts the material of an instance in what SceneView says of all.
 KERNEL void accumulate_features(SceneView& scene, const MaterialView& material) {
   scene.any_rich |= is_rich(material);
+  scene.any_unlit |= material.unlit;
   scene.any_priority |= material.priority != 0;
   scene.any_passable |= material.passable;
   scene.any_media |= material.priority != 0 || material.passable || may_fill(material);

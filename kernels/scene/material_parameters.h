@@ -1,5 +1,6 @@
 // The only lists of material parameters, X(name, components, default, smallest, largest), in the
-// order of the bits in MaterialView::textured, and of textures that shape the normal, X(name).
+// order of the bits in MaterialView::textured, of those that are lobes, and of textures that shape
+// the normal, X(name).
 #pragma once
 
 #define HELIO_MATERIAL_PARAMETERS(X)        \
@@ -37,6 +38,31 @@
   X(diffuse_transmission, 1, 0, 0, 1)       \
   X(diffuse_transmission_color, 3, 1, 0, 1) \
   X(dispersion, 1, 0, 0, 100)
+
+/// Lobes beyond a coat over a diffuse body, a metal and glass: a material has one where its
+/// parameter is above 0, and is Features::kAll then.
+#define HELIO_LOBES(X) \
+  X(subsurface)        \
+  X(anisotropic)       \
+  X(sheen)             \
+  X(clearcoat)         \
+  X(iridescence)       \
+  X(diffuse_transmission)
+
+/// All that such materials read at a point beside what others do.
+#define HELIO_LOBE_PARAMETERS(X) \
+  HELIO_LOBES(X)                 \
+  X(transmission)                \
+  X(transmission_roughness)      \
+  X(subsurface_radius)           \
+  X(subsurface_color)            \
+  X(sheen_color)                 \
+  X(sheen_roughness)             \
+  X(sheen_tint)                  \
+  X(clearcoat_roughness)         \
+  X(iridescence_ior)             \
+  X(iridescence_thickness)       \
+  X(diffuse_transmission_color)
 
 #define HELIO_NORMAL_MAPS(X) \
   X(normal_map)              \

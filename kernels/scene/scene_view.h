@@ -240,6 +240,18 @@ struct TriangleTree {
   u32 root;
 };
 
+/// A triangle of a light that is_flat(), in the world. Read in rows of four numbers.
+struct alignas(16) FlatTriangle {
+  vec3 a;
+  float radiosity;  // TriangleEntry::radiosity
+  vec3 ab;
+  float power;  // TriangleEntry::power
+  vec3 ac;
+  float offset;  // plane_error() of its points
+  vec3 normal;   // of the front side, its length twice the area
+  float both;    // 1: it emits from its back, too; else 0
+};
+
 /// One emitting (instance, mesh part): a leaf of the tree SceneView::light_nodes.
 struct LightView {
   vec3 radiance;  // of the entity's light before `texture`; the material's emission comes on top
@@ -252,6 +264,7 @@ struct LightView {
   // alone and to all kinds of rays. Radius 0: it is something else.
   vec3 sphere_center;
   float sphere_radius;
+  u32 flat = kNone;         // the first of its SceneView::flat_triangles, where it is_flat()
   float cone_cos;           // cosine of the half angle at which a spot light's cone ends
   float cone_scale;         // of the fall-off within; 0: no cone
   u32 profile = kNone;      // texture of its intensities by direction (light_profile.h)
@@ -350,17 +363,19 @@ struct SceneView {
   u32 light_count;
   const VolumeView* volumes;
   u32 volume_count;
-  const VolumeNode* volume_nodes;  // the tree over the volumes; node 0 is its root
-  const vec4* black_body;          // kBlackBodyEntries
-  bool only_spheres;               // every light has a sphere_radius
-  bool any_holes;                  // some instance has kMayBeHole
-  bool any_media;                  // paths keep track of what they are inside of
-  bool any_passable;               // some instance has a passable material
-  bool any_priority;               // some instance has a material with a priority
-  bool any_rich;                   // some instance has a material that is_rich()
-  bool any_curves;                 // some mesh has curves
-  bool plain_rays;                 // no instance moves, deforms, has kMayBeHole or shows curves
-  float radius;                    // of a sphere about the scene's bounds, metres
+  const VolumeNode* volume_nodes;      // the tree over the volumes; node 0 is its root
+  const vec4* black_body;              // kBlackBodyEntries
+  const FlatTriangle* flat_triangles;  // on a GPU there are none
+  bool only_even;                      // every light has a sphere_radius or is_flat()
+  bool any_holes;                      // some instance has kMayBeHole
+  bool any_media;                      // paths keep track of what they are inside of
+  bool any_passable;                   // some instance has a passable material
+  bool any_priority;                   // some instance has a material with a priority
+  bool any_rich;                       // some instance has a material that is_rich()
+  bool any_curves;                     // some mesh has curves
+  bool any_unlit;                      // some instance has an unlit material
+  bool plain_rays;                     // no instance moves, deforms, has kMayBeHole or shows curves
+  float radius;                        // of a sphere about the scene's bounds, metres
   vec3 center;
 };
 

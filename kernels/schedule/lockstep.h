@@ -9,6 +9,7 @@
 
 #include "kernels/camera/camera_lanes.h"
 #include "kernels/geometry/surface_lanes.h"
+#include "kernels/schedule/lockstep_item.h"
 #include "kernels/schedule/scatter_lanes.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -26,7 +27,8 @@ class Lockstep {
         tracer_(tracer),
         film_(film),
         plain_camera_(is_plain(camera)),
-        plain_lights_(has_plain_lights(scene)) {
+        plain_lights_(has_plain_lights(scene)),
+        last_rays_(scene, settings) {
     for (Vertex& v : vertices_) free_[free_count_++] = &v;
   }
 
@@ -76,22 +78,6 @@ class Lockstep {
  private:
   static constexpr u32 kPaths = 64;
   static_assert(kPatchPixels <= CameraRays::kMost && kPatchPixels <= kLanes);
-
-  struct Item {
-    u64 key;
-    u64 pixel;
-    u32 x, y;
-    u32 sample;
-    float time;
-    Sampler sampler{0, 0};
-    DrawnPairs numbers;
-    DomePlace sky;  // of a ray that met nothing, where the dome has a picture
-    Path path;
-    Reach reach;
-    Hit hit;
-    SampleValues values;
-    LaterLight light;
-  };
 
   /// camera: as it is at the item's time; means nothing to a path on its way.
   PathContext<T> context(const Item& item, const CameraView& camera) const {
@@ -158,11 +144,22 @@ class Lockstep {
   }
 
   void trace() {
+    u32 left = 0;
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
       set_out(item);
-      new (&item.hit) Hit(tracer_.closest(item.path.ray, item.path.mask));  // no copy
+      const Ray& ray = item.path.ray;
+      if (item.seeks == Seeks::kSurface) {
+        new (&item.hit) Hit(tracer_.closest(ray, item.path.mask));  // no copy
+      } else if (item.seeks == Seeks::kNothing || tracer_.occluded(ray, item.path.mask)) {
+        ++item.values.rays;
+        continue;
+      } else {
+        item.hit = {INFINITY, kNone, 0, 0, 0};
+      }
+      active_[left++] = active_[i];
     }
+    active_count_ = left;
     prefetch_hits(0);
   }
   /// The rays of active_, from `first` on, have met something, or nothing: asks for what is needed
@@ -340,9 +337,11 @@ class Lockstep {
     }
   }
   void queue_next(u32 index, bool goes_on, u32& left) {
-    const Item& item = items_[index];
+    Item& item = items_[index];
     if (item.light.ray.t_max > 0) lit_[lit_count_++] = index;
-    if (goes_on && item.path.ray.t_max > 0) active_[left++] = index;
+    if (!goes_on || !(item.path.ray.t_max > 0)) return;
+    item.seeks = last_rays_.of(item.path);
+    active_[left++] = index;
   }
 
   void shine() {
@@ -358,6 +357,7 @@ class Lockstep {
   const T& tracer_;
   const FilmView& film_;
   const bool plain_camera_, plain_lights_;
+  const LastRays last_rays_;
   Item items_[kPaths];
   u32 active_[kPaths];  // items on their way
   u32 lit_[kPaths];

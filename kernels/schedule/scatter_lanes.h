@@ -62,31 +62,12 @@ KERNEL void read_parameters(const Waiting& waiting, MaterialValuesOf<Floats>& m)
   m.specular_tint = row(6).of[3];
 }
 /// What only some have.
-#define HELIO_OTHER_PARAMETERS(X) \
-  X(transmission)                 \
-  X(transmission_roughness)       \
-  X(subsurface)                   \
-  X(subsurface_radius)            \
-  X(subsurface_color)             \
-  X(anisotropic)                  \
-  X(sheen)                        \
-  X(sheen_color)                  \
-  X(sheen_roughness)              \
-  X(sheen_tint)                   \
-  X(clearcoat)                    \
-  X(clearcoat_roughness)          \
-  X(iridescence)                  \
-  X(iridescence_ior)              \
-  X(iridescence_thickness)        \
-  X(diffuse_transmission)         \
-  X(diffuse_transmission_color)
-
 KERNEL void read_others(const SceneView& scene, const Waiting& waiting, MaterialValuesOf<Floats>& m,
                         ShadingPointOf<Floats>& at) {
   for (u32 i = 0; i < waiting.count; ++i) {
     const Vertex& v = *waiting.vertices[i];
 #define HELIO_PUT(name) put(m.name, i, v.material.name);
-    HELIO_OTHER_PARAMETERS(HELIO_PUT)
+    HELIO_LOBE_PARAMETERS(HELIO_PUT)
 #undef HELIO_PUT
     const ShadingPoint own =
         shading_point(scene, v.surface, v.material, -waiting.paths[i]->ray.direction);

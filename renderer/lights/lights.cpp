@@ -6,7 +6,7 @@
 #include <span>
 #include <unordered_map>
 
-#include "kernels/light/light_surface.h"
+#include "kernels/light/light_flat.h"
 #include "renderer/base/parallel.h"
 #include "renderer/lights/light_bounds.h"
 #include "renderer/lights/same_lights.h"
@@ -74,9 +74,9 @@ std::shared_ptr<const TopTree> make_top_tree(std::vector<kernels::LightBounds> b
 /// the plane of its axis.
 kernels::LightBounds light_bounds(kernels::LightBounds bounds, kernels::Shape shape, bool forward) {
   if (shape != kernels::Shape::kTriangles) {
-    const float depth = shape == kernels::Shape::kSphere ? 1 : 0;
-    bounds = {.lower = {-1, -1, -depth}, .upper = {1, 1, depth}, .axis = {0, 0, -1}};
-    bounds.cos_spread = depth == 0 ? 1 : -1;
+    const vec3 reach = kernels::shape_reach(shape);
+    bounds = {.lower = -reach, .upper = reach, .axis = {0, 0, -1}};
+    bounds.cos_spread = kernels::is_round(shape) ? -1 : 1;
   }
   if (forward) bounds.cos_spread = 1;
   return bounds;
@@ -263,6 +263,8 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power, 
   const kernels::LightBounds own =
       light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), forward);
   kernels::detect_sphere(light, instance, placement_.meshes[mesh]->shape());
+  const kernels::MeshView view = placement_.meshes[mesh]->view();
+  kernels::add_flat_triangles(light, instance, view, made_->flat_triangles);
   bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);

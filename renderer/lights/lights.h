@@ -31,6 +31,7 @@ struct TopTree {
 
 struct Lights {
   std::vector<kernels::LightView> lights;
+  std::vector<kernels::FlatTriangle> flat_triangles;  // of those that are flat
   std::shared_ptr<const TopTree> tree;
   std::shared_ptr<const std::vector<u32>> part_lights;         // null: there are no lights
   std::shared_ptr<const std::vector<u32>> emitters;            // slots that may emit, ascending

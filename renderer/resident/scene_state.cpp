@@ -59,8 +59,10 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.caster_probability = casters_.probability;
   view_.instance_count = placement->slots.size();
   view_.light_count = u32(lights->lights.size());
-  view_.only_spheres = std::ranges::all_of(
-      lights->lights, [](const kernels::LightView& light) { return light.sphere_radius > 0; });
+  view_.flat_triangles = lights->flat_triangles.data();
+  view_.only_even = std::ranges::all_of(lights->lights, [](const kernels::LightView& light) {
+    return light.sphere_radius > 0 || light.flat != kernels::kNone;
+  });
   const Box& bounds = placement->bounds;
   view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
   view_.radius = bounds.empty() ? 1 : 0.5f * glm::length(bounds.upper - bounds.lower);

@@ -38,6 +38,21 @@ struct NotingTracer {
   }
 };
 
+/// Counts rays, but for those of the camera.
+struct CountingTracer : TestTracer {
+  u64& count;
+
+  CountingTracer(const SceneView& scene, u64& n) : TestTracer(scene), count(n) {}
+  [[nodiscard]] Hit closest(const Ray& ray, u32 mask) const {
+    ++count;
+    return TestTracer::closest(ray, mask);
+  }
+  [[nodiscard]] bool occluded(const Ray& ray, u32 mask) const {
+    ++count;
+    return TestTracer::occluded(ray, mask);
+  }
+};
+
 /// The companies of a rectangle's camera rays.
 std::set<Company> companies_of(const SceneView& scene, std::span<const PixelRect> rects,
                                std::span<const std::pair<u32, u32>> ranges) {
@@ -82,11 +97,12 @@ void furnish_plainly(TestScene& scene, u32 lamps, bool sky = true) {
 }
 
 /// Renders a scene both ways, in lockstep by rectangles and ranges of samples.
-void check_same(const SceneView& scene, PlaneSet wanted) {
+void check_same(const SceneView& scene, PlaneSet wanted, const Settings* settings = nullptr) {
   const TestFilm loop(kSize, wanted), lockstep(kSize, wanted);
   const TestTracer tracer(scene);
-  u64 rays = run_loop({shot_of(scene, 7, loop), tracer}, loop);
-  const ShotView shot = shot_of(scene, 7, lockstep);
+  ShotView shot = shot_of(scene, 7, loop);
+  if (settings) shot.settings = *settings;
+  u64 rays = run_loop({shot, tracer}, loop);
   for (const auto& [first, samples] : {std::pair{0u, 3u}, std::pair{3u, kSamples - 3}}) {
     for (const PixelRect& rect :
          {PixelRect{0, 0, 7, 5}, PixelRect{7, 0, kSize.x, 5}, PixelRect{0, 5, kSize.x, kSize.y}}) {
@@ -156,6 +172,60 @@ TEST_CASE("lockstep: a dome's picture, with lamps and without, with a guide and 
   REQUIRE(has_plain_lights(view));
   check_same(view, kBeauty);
   check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: flat lights, near and far, of up to four triangles, among spheres") {
+  const u32 spheres = GENERATE(0u, 2u);
+  TestScene scene;
+  furnish_plainly(scene, spheres, spheres > 0);
+  const u32 black = scene.add(emitter(vec3(0)));
+  const auto add = [&](const TestMesh& mesh, const mat4x3& pose, vec3 radiance) -> LightView& {
+    return scene.add_light(scene.add_instance(scene.add(mesh), black, pose), 0, radiance);
+  };
+  TestMesh tent = rectangle(0.3f, 0.2f);
+  for (const uvec3 t : {uvec3(0, 1, 2), uvec3(2, 1, 3)}) tent.triangles.push_back(t);
+  tent.positions[0].z = 0.2f;
+  TestMesh corner = rectangle(0.1f, 0.1f);
+  corner.triangles.resize(1);
+  const mat3 down = rotation({1, 0, 0}, 3), aside = rotation({1, 1, 0}, 2);
+  const mat3 uneven(vec3(2, 0, 0), vec3(0, 0.3f, 0), vec3(0, 0, 1));
+  add(rectangle(1.5f, 1), pose(down, {0, 0, 1.2f}), vec3(1, 2, 3));
+  add(tent, pose(down * uneven, {0.5f, 0.5f, 0.3f}), vec3(5, 1, 2)).light_two_sided = true;
+  add(corner, pose(aside, {-1, 0.2f, 0.8f}), vec3(40, 30, 20));
+  add(rectangle(0.2f, 0.2f), pose(-aside, {1, -1, 1}), vec3(9));
+  const SceneView& view = scene.finish();
+  REQUIRE(has_plain_lights(view));
+  REQUIRE(view.lights[spheres].flat != kNone);
+  check_same(view, kBeauty);
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: last rays are traced where they may meet light") {
+  const bool sky = GENERATE(false, true);
+  const u32 lamps = GENERATE(0u, 1u, 12u);
+  TestScene scene;
+  scene.add_instance(scene.add(block({4, 4, 4})), scene.add(plastic(0.4f)));
+  scene.add_instance(scene.add(sphere(12)), scene.add(plastic(0.1f, 1)), pose(mat3(0.5f), {}));
+  for (u32 i = 0; i < lamps; ++i) {
+    const vec3 place(float(i % 4) - 1.5f, float(i / 4) - 1, 1.5f);
+    scene.add_light(
+        scene.add_instance(scene.add(rectangle(0.1f, 0.1f)), scene.add(emitter(vec3(0))),
+                           pose(rotation({1, 0, 0}, 3.1f), place)),
+        0, vec3(8, 6, 4));
+  }
+  if (sky) scene.set_dome(vec3(0.5f));
+  const SceneView& view = scene.finish();
+  const TestFilm film(kSize, kBeauty);
+  ShotView shot = shot_of(view, 7, film);
+  shot.settings.max_depth = 3;
+  shot.settings.roulette_depth = 8;
+  check_same(view, kBeauty, &shot.settings);
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP), &shot.settings);
+  if (sky) return;
+  u64 traced = 0;
+  const u64 rays = render_rect(shot.scene, shot.camera, shot.settings, CountingTracer(view, traced),
+                               film.view, {0, 0, kSize.x, kSize.y}, 0, kSamples);
+  CHECK(traced < rays - rays / 8);
 }
 
 TEST_CASE("lockstep: surfaces of every material, side by side") {

@@ -11,6 +11,7 @@
 #include "kernels/geometry/accept.h"
 #include "kernels/integrator/path.h"
 #include "kernels/label/probe.h"
+#include "kernels/light/light_flat.h"
 #include "tests/unit/test_meshes.h"
 
 namespace heliograph::test {
@@ -148,8 +149,14 @@ class TestScene {
       const InstanceView& instance = instances[light.instance];
       detect_sphere(light, instance, meshes_[instance.mesh].shape);
     }
-    view.only_spheres =
-        std::ranges::all_of(lights, [](const LightView& light) { return light.sphere_radius > 0; });
+    for (LightView& light : lights) {
+      const InstanceView& instance = instances[light.instance];
+      add_flat_triangles(light, instance, mesh_views_[instance.mesh], flat_triangles_);
+    }
+    view.flat_triangles = flat_triangles_.data();
+    view.only_even = std::ranges::all_of(lights, [](const LightView& light) {
+      return light.sphere_radius > 0 || light.flat != kNone;
+    });
     light_nodes_ = make_tree(light_bounds, 1);
     for (u32 i = 0; i < light_nodes_.size(); ++i)
       if (light_nodes_[i].count > 0) lights[light_nodes_[i].first].leaf = i;
@@ -320,6 +327,7 @@ class TestScene {
 
   std::vector<TestMesh> meshes_;
   std::vector<MeshView> mesh_views_;
+  std::vector<FlatTriangle> flat_triangles_;
   std::deque<Tree> trees_;
   std::vector<LightNode> light_nodes_;
   std::deque<std::vector<u8>> texels_;
