@@ -7,7 +7,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// How light passes the interface of a transmitting material.
+/// Ways in which light passes the interface of a transmitting material.
 enum class Interface : u8 {
   kNone,
   kJoint,  // each microfacet reflects or refracts
@@ -118,12 +118,12 @@ KERNEL Vec3<F> multiple_scattering(Vec3<F> f_avg, F e_avg) {
   return f_avg * f_avg * e_avg / (Vec3<F>(1) - f_avg * (1 - e_avg));
 }
 
-/// Whether highlights are stretched.
+/// True if highlights are stretched.
 template <class F, Features S>
 KERNEL BoolOf<F> is_stretched(const BaseOf<F, S>& b) {
   return rich<S>(b.anisotropic.aspect < 1);
 }
-/// Whether some light travels inside the body.
+/// True if some light travels inside the body.
 template <class F, Features S>
 KERNEL BoolOf<F> has_body(const BaseOf<F, S>& b) {
   return rich<S>(b.subsurface_probability > 0);

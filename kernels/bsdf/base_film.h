@@ -94,7 +94,7 @@ KERNEL Vec3<F> glass_at(const BaseOf<F, S>& b, F c, F bare) {
       [&] { return Vec3<F>(bare); });
 }
 
-/// What the film adds to the reflectance of the interface, on average over what wo sees.
+/// Reflectance that the film adds to the interface's, on average over what wo sees.
 template <class F>
 struct FilmOnFaceOf {
   Vec3<F> whole{0};

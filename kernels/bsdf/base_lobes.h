@@ -37,7 +37,7 @@ KERNEL BsdfSampleOf<F> select(M m, const BsdfSampleOf<F>& a, const BsdfSampleOf<
           select(m, a.pdf, b.pdf), select(m, a.eta, b.eta),       select(m, a.lobe, b.lobe)};
 }
 
-/// Whether what passes is a lobe of its own, and the probability of choosing it.
+/// True if what passes is a lobe of its own. through_probability: that of choosing it.
 template <class F, Features S>
 KERNEL BoolOf<F> passes_apart(const BaseOf<F, S>& b) {
   return rich<S>((b.interface == Interface::kSplit) | (b.interface == Interface::kSheet));
@@ -53,13 +53,13 @@ KERNEL Vec3<F> through_color(const BaseOf<F, S>& b) {
   return b.glass_tint * (Vec3<F>(1) - b.glass_reflectance) * (b.glass * b.through_scale);
 }
 
-/// What a microfacet of coat and metal reflects at cosine c = wo.h.
+/// Share of light that a microfacet of coat and metal reflects at cosine c = wo.h.
 template <class F, Features S>
 KERNEL Vec3<F> opaque_facet(const BaseOf<F, S>& b, F c) {
   return b.f0 + (Vec3<F>(b.f90) - b.f0) * schlick_weight(c);
 }
 
-/// What a microfacet does with light at cosine c = wo.h.
+/// Shares of light that a microfacet reflects and transmits at cosine c = wo.h.
 template <class F>
 struct FacetOf {
   Vec3<F> reflected;

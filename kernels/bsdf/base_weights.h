@@ -32,7 +32,7 @@ KERNEL ThinFilmOf<F> film_of(const MaterialValuesOf<F>& m, F outside) {
           2 * nanometre * m.iridescence_thickness * m.iridescence_ior};
 }
 
-/// What coat and metal are made of.
+/// Materials of coat and metal.
 template <class F>
 struct OpaqueMaterial {
   Vec3<F> base_color;
@@ -53,8 +53,8 @@ KERNEL ReflectancesOf<F> set_fresnel(BaseOf<F, S>& b, const OpaqueMaterial<F>& m
           m.base_color + (Vec3<F>(1) - m.base_color) * F(kSchlickMean)};
 }
 
-/// What their microfacets scatter more than once, per unit of light that they lose. Returns that of
-/// the coat, in full.
+/// Sets what their microfacets scatter more than once, per unit of light that they lose. Returns
+/// that of the coat, in full.
 template <class F, Features S>
 KERNEL Vec3<F> set_multiple(BaseOf<F, S>& b, const OpaqueMaterial<F>& m,
                             const ReflectancesOf<F>& mean, const AlbedoOf<F>& average) {
@@ -72,7 +72,7 @@ KERNEL Vec3<F> set_multiple(BaseOf<F, S>& b, const OpaqueMaterial<F>& m,
   return coat;
 }
 
-/// What microfacets seen from wo reflect at once. out: their albedo there
+/// Returns what microfacets seen from wo reflect at once. out: their albedo there
 template <class F, Features S>
 KERNEL F facets_reflect(const BaseOf<F, S>& b, const AlbedoOf<F>& out) {
   return luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
@@ -240,7 +240,7 @@ HELIO_GPU_NOINLINE KERNEL Vec2<F> set_apart(BaseOf<F, S>& b, const MaterialValue
 template <class F, Features S>
 KERNEL Vec3<F> joint_scale(const BaseOf<F, S>& b, F roughness) {
   const GlassAlbedoOf<F> share = glass_albedo(b.wo.z, roughness, b.eta);
-  // What a low `specular` takes from the reflection refracts, and the film's share reflects.
+  // The part that a low `specular` takes from the reflection refracts; the film's share reflects.
   Vec3<F> reflected = b.glass_specular * share.reflected;
   Vec3<F> kept = (Vec3<F>(1) - b.glass_specular) * share.kept;
   if (const auto covered = has_film<S>(b.glass_film); any(covered)) {

@@ -1,4 +1,4 @@
-// What a path sees blurred: textures over its cone, and on request rougher lobes. Called by path.h.
+// Blur of what a path sees: textures over its cone; on request rougher lobes. Called by path.h.
 #pragma once
 
 #include "kernels/core/math.h"
@@ -6,7 +6,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What a ray stands for: its neighbourhood, `width` metres across at its origin, which grows by
+/// Neighbourhood that a ray stands for: `width` metres across at its origin, which grows by
 /// `spread` each metre. Textures are filtered over it.
 struct Cone {
   float width;

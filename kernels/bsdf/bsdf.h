@@ -132,7 +132,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL BoolOf<F> sample_bsdf(const BsdfOf<F, S>&
   return finish_sample(b, chosen, s);
 }
 
-/// Where sample_bsdf() looks at u_lobe.
+/// True where sample_bsdf() looks at u_lobe.
 template <class F, Features S>
 KERNEL BoolOf<F> chooses_lobe(const BsdfOf<F, S>& b) {
   const BoolOf<F> layered = is_layered(b), translucent = is_translucent(b);
@@ -148,7 +148,7 @@ KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
   return leaving / b.average_entering;
 }
 
-/// Where the surface sends on any light at all.
+/// True where the surface sends on any light at all.
 template <class F, Features S>
 KERNEL BoolOf<F> scatters(const BsdfOf<F, S>& b) {
   const BoolOf<F> glass = is_glass(b), layered = is_layered(b);
@@ -156,7 +156,7 @@ KERNEL BoolOf<F> scatters(const BsdfOf<F, S>& b) {
   return glass | layered | diffuse | metal | is_translucent(b) | (b.f90 > 0) | (b.subsurface > 0);
 }
 
-/// Where lights are worth sampling: something is not a perfect mirror.
+/// True where lights are worth sampling: something is not a perfect mirror.
 template <class F, Features S>
 KERNEL BoolOf<F> has_smooth_lobe(const BsdfOf<F, S>& b) {
   BoolOf<F> smooth = (b.diffuse_probability > 0) | !is_mirror(b);

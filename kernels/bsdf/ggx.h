@@ -96,7 +96,7 @@ KERNEL Vec3<F> sample_ggx(Vec3<F> wo, GgxOf<F> g, Vec2<F> u) {
   return normalize(Vec3<F>(h.x * g.x, h.y * g.y, max2(h.z, F(1e-7f))));
 }
 
-/// Where a roughness lies among the rows of a table.
+/// Place of a roughness among the rows of a table.
 template <class F>
 struct AlbedoRowOf {
   IntOf<F> row;
@@ -155,13 +155,13 @@ struct AnisotropicRowOf {
   F aspect;  // square root of alpha along y over alpha along x; 1: isotropic
 };
 
-/// Where a number lies between n entries of a table, x from 0 to n - 1.
+/// Place of a number between n entries of a table, x from 0 to n - 1.
 template <class F>
 struct PlaceOf {
   IntOf<F> index;
   F weight;  // of the next entry
 
-  /// Of the entry, or of the next one.
+  /// Weight of the entry (step 0), or of the next one.
   [[nodiscard]] KERNEL F weight_of(i32 step) const { return step ? weight : 1 - weight; }
 };
 template <class F>

@@ -32,8 +32,8 @@ KERNEL F axis_place(F x, F scale) {
   return F(0.5f) * (dense_place(x, scale) + sqrt(x));
 }
 
-/// What microfacets lose at a cosine over this is nearly constant, in alpha and in the cosine.
-/// Tables hold that.
+/// Scale of the light that microfacets lose at a cosine: divided by it, the loss is nearly constant
+/// in alpha and in the cosine. Tables hold that quotient.
 template <class F>
 KERNEL F loss_scale(F cosine, F alpha) {
   const F alpha2 = sqr(alpha);

@@ -1,4 +1,4 @@
-// What lies on the base: sheen, and clearcoat on top of it. Called by bsdf.h.
+// Layers on the base: sheen, and clearcoat on top of it. Called by bsdf.h.
 #pragma once
 
 #include "kernels/bsdf/base_lobes.h"
@@ -53,7 +53,7 @@ KERNEL F clearcoat_albedo(const LayersOf<F>& l, F cosine) {
       [] { return F(0); });
 }
 
-/// What sheen reflects to a cosine.
+/// Share of light that sheen reflects to a cosine.
 template <class F>
 KERNEL F sheen_share(const LayersOf<F>& l, F cosine) {
   return either(

@@ -54,7 +54,7 @@ enum BvhInstanceFlag : u32 {
   kBvhShape = 2,  // it shows a disc or a sphere: `nodes` is null
 };
 
-/// What a ray needs to enter an instance.
+/// Data that a ray needs to enter an instance.
 struct alignas(16) BvhInstance {
   vec4 object_from_world[3];  // rows; of what does not move
   const BvhNode* nodes;       // of its mesh

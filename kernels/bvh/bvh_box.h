@@ -81,7 +81,7 @@ KERNEL BvhBox moving_box(const BvhBox& object, const MotionKey* keys, u32 segmen
   return box;
 }
 
-/// Where an instance is at any time.
+/// Box of an instance at any time.
 ///
 /// object   its mesh's box, at all times
 KERNEL BvhBox instance_box(const InstanceView& instance, const MotionKey* motion_keys,
@@ -92,7 +92,7 @@ KERNEL BvhBox instance_box(const InstanceView& instance, const MotionKey* motion
              : placed_box(object, instance.world_from_object);
 }
 
-/// Where rays look for it; empty where none meets it. Rounding of a ray's way into an instance
+/// Box where rays look for it; empty where none meets it. Rounding of a ray's way into an instance
 /// moves its box by less than what this one is larger by.
 KERNEL BvhBox ray_box(const InstanceView& instance, const MotionKey* motion_keys,
                       const BvhBox& object) {
@@ -102,7 +102,7 @@ KERNEL BvhBox ray_box(const InstanceView& instance, const MotionKey* motion_keys
   return {box.lower - margin, box.upper + margin};
 }
 
-/// Where a primitive is at any time.
+/// Box of a primitive at any time.
 KERNEL BvhBox primitive_box(const MeshView& mesh, u32 number) {
   BvhBox box = no_box();
   for (u32 key = 0; key <= mesh.segments; ++key) bound_primitive(mesh, number, key, box);
@@ -120,7 +120,7 @@ KERNEL BvhTriangle bvh_triangle(const MeshView& mesh, u32 number) {
           mesh.positions[corners.z], 0};
 }
 
-/// What a ray needs to enter an instance.
+/// Returns what a ray needs to enter an instance.
 ///
 /// mesh   the tree over its mesh
 KERNEL BvhInstance bvh_instance(const InstanceView& instance, u32 number, const MeshBvh& mesh) {

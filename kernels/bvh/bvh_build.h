@@ -36,7 +36,7 @@ struct alignas(16) BuildTask {
   u32 first_item;
 };
 
-/// What all steps know. Begins as bytes of 0xff.
+/// State that all steps share. Begins as bytes of 0xff.
 struct BuildHead {
   u32 lower[3], upper[3];                // ordered_bits() of the corners of all boxes, the upper
   u32 center_lower[3], center_upper[3];  // ones with their signs turned; and of their centres
@@ -47,7 +47,7 @@ struct BuildHead {
   u32 taken;                             // of them
 };
 
-/// What a tree over instances tells who refits it.
+/// Facts of a tree over instances for whoever refits it.
 struct TreeHead {
   u32 items;   // in the tree; the boxes of the others are empty
   u32 nodes;   // wide ones
@@ -94,8 +94,8 @@ KERNEL BvhBox box_of_ordered(const u32 (&lower)[3], const u32 (&upper)[3]) {
   return box;
 }
 
-/// What areas are multiplied with so that those of huge boxes stay finite and those of tiny ones
-/// differ from 0.
+/// Factor for areas with which those of huge boxes stay finite and those of tiny ones differ
+/// from 0.
 KERNEL float area_scale(const BuildHead& head) {
   const BvhBox all = box_of_ordered(head.lower, head.upper);
   const float largest = max_component(all.upper * 0.5f - all.lower * 0.5f);
@@ -114,7 +114,7 @@ KERNEL u64 spread_bits(u64 x) {
   return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// Where a box's centre is on Morton's curve through the cube about all centres, in 63 bits.
+/// Place of a box's centre on Morton's curve through the cube about all centres, in 63 bits.
 KERNEL u64 morton_key(const BuildHead& head, const BvhBox& box) {
   if (box.empty()) return kNoKey;
   constexpr float kCells = 1 << 21;
@@ -234,7 +234,7 @@ KERNEL void write_items(const BuildView& view, u32 leaf, u32* to) {
 
 KERNEL BuildTask root_task(const BuildView& view) { return {view.head->root, 0, 1, 0}; }
 
-/// How many wide nodes there are to make. Once the binary tree is there.
+/// Number of wide nodes to make. Once the binary tree is there.
 KERNEL u32 wide_nodes(const BuildView& view) {
   if (view.head->count == 0) return 1;
   return max2(view.nodes[view.head->root].wide[0], 1u);  // the root may be a leaf of few items

@@ -20,7 +20,7 @@ struct BuildRange {
   [[nodiscard]] KERNEL u32 size() const { return last - first + 1; }
 };
 
-/// Whether of two neighbours in the order the keys after `a` part later than those after `b`. Equal
+/// True if, of two places in the order, the keys after `a` part later than those after `b`. Equal
 /// keys part as their numbers do.
 KERNEL bool parts_later(const BuildView& view, u32 a, u32 b) {
   if (view.head->balances == 0) {
@@ -37,7 +37,7 @@ KERNEL u32 parent_place(const BuildView& view, const BuildRange& range, bool& is
             (range.last + 1 < view.head->count && parts_later(view, range.last, range.first - 1));
   return is_left ? range.last : range.first - 1;
 }
-/// Where in BuildView::ends that is.
+/// Place in BuildView::ends of that.
 KERNEL u32* end_at(const BuildView& view, u32 place) {
   return view.ends + (view.head->balances != 0 ? u64(view.count) : 0) + place;
 }
@@ -51,7 +51,7 @@ KERNEL BuildRange parent_range(const BuildRange& range, bool is_left, u32 other_
 KERNEL u32 most_left(const BuildView& view, u32 items) {
   return view.head->balances != 0 || items == view.head->count ? 1 : kWindow / 2;
 }
-/// Whether a range is joined before its parent; if not its clusters are its items.
+/// True if a range is joined before its parent; if not, its clusters are its items.
 KERNEL bool is_joined(const BuildView& view, const BuildRange& range) {
   return range.size() > most_left(view, range.size());
 }
@@ -102,9 +102,9 @@ KERNEL bool joins(const ClusterWindow& window, u32 i) {
   return window.nearest[window.nearest[i]] == i;
 }
 
-/// What becomes of cluster i of a window: it stays, or it becomes one with a later one; with an
-/// earlier one it is gone (kNone). Of each two that join the later one's home is no longer in use:
-/// it gives the new node its number.
+/// Joins cluster i of a window: it stays, or becomes one with a later one; with an earlier one it
+/// is gone (kNone). Of each two that join the later one's home is no longer in use: it gives the
+/// new node its number.
 KERNEL BuildCluster join_cluster(const BuildView& view, const ClusterWindow& window, u32 i,
                                  float scale) {
   BuildCluster own = window.cluster[i];

@@ -57,7 +57,7 @@ KERNEL u32 count_bits(u32 bits) {
   return u32(__builtin_popcount(bits));
 #endif
 }
-/// Of a word that is not 0.
+/// Number of the highest bit that is set, of a word that is not 0.
 KERNEL u32 highest_bit(u32 bits) {
 #if defined(__CUDA_ARCH__)
   return 31 - u32(__clz(i32(bits)));
@@ -331,7 +331,7 @@ KERNEL vec2 place(const Across& across, vec3 p) {
 /// other one, and the edge from b to a has the other sign.
 KERNEL float side(vec2 a, vec2 b) { return product(a.x, b.y) - product(a.y, b.x); }
 
-/// Whether a ray meets a triangle, from either side, at t in (0, t_max]. No ray passes between
+/// True if a ray meets a triangle, from either side, at t in (0, t_max]. No ray passes between
 /// triangles that share vertices: each vertex has one place across the ray, and an edge that the
 /// ray is on belongs to both triangles.
 ///

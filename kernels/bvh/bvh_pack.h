@@ -8,7 +8,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What becomes a child of a wide node.
+/// Subtree that becomes a child of a wide node.
 struct BvhChild {
   BvhBox box;
   u32 source;  // its number where it comes from; kNone: an empty slot

@@ -16,7 +16,7 @@ struct WidePlan {
   bool leaf;                      // as one child it is a leaf, not a wide node
 };
 
-/// What a subtree costs rays besides its children.
+/// Costs of a subtree to rays, besides its children's.
 struct PlanCosts {
   float area;       // half the surface area of its box
   float item_cost;  // of meeting an item, against 1 of a node
@@ -27,7 +27,7 @@ KERNEL float leaf_cost(const PlanCosts& costs) {
                                       : INFINITY;
 }
 
-/// Of one item.
+/// Plan of one item.
 KERNEL WidePlan plan_item(const PlanCosts& costs) {
   WidePlan plan{};
   for (float& cost : plan.cost) cost = leaf_cost(costs);
@@ -35,7 +35,7 @@ KERNEL WidePlan plan_item(const PlanCosts& costs) {
   return plan;
 }
 
-/// Of two subtrees that have their plans.
+/// Plan of two subtrees that have theirs.
 ///
 /// Source: Ylitie, Karras and Laine 2017, section 4.1.
 KERNEL WidePlan plan_pair(const WidePlan& left, const WidePlan& right, const PlanCosts& costs) {
@@ -66,7 +66,7 @@ KERNEL WidePlan plan_pair(const WidePlan& left, const WidePlan& right, const Pla
   return plan;
 }
 
-/// How many children a subtree is best, of at most `roots`.
+/// Best number of children for a subtree, of at most `roots`.
 KERNEL u32 planned_roots(const WidePlan& plan, u32 roots) {
   while (roots > 1 && plan.left_roots[roots - 1] == 0) --roots;
   return roots;

@@ -6,7 +6,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What a subtree has become.
+/// Subtree after a refit.
 struct alignas(16) RefitNode {
   BvhBox box;
   float cost;  // for rays, as WidePlan counts it
@@ -20,7 +20,7 @@ struct RefitView {
   BvhNode* wide;     // the result
 };
 
-/// What areas are multiplied with, see area_scale(): by the size of the tree before.
+/// Factor for areas, see area_scale(): by the size of the tree before.
 KERNEL float refit_scale(const BvhNode& root) {
   const int largest =
       max2(max2(int(root.exponent[0]), int(root.exponent[1])), int(root.exponent[2]));
@@ -59,7 +59,7 @@ KERNEL void refit_node(const RefitView& view, u32 number, float scale) {
   view.nodes[number] = own;
 }
 
-/// Whether a refitted tree is nearly as good as when it was built.
+/// True if a refitted tree is nearly as good as when it was built.
 ///
 /// cost   then, by the area of its box
 KERNEL bool is_good(const RefitNode& root, float cost, float scale) {

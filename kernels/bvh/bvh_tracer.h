@@ -14,13 +14,13 @@ struct BvhStack {
   BvhGroup groups[2 * kBvhDepth + 8];
 };
 
-/// What rays are traced for. Labels compare surfaces at nearly the same distance by takes_over().
+/// Purposes of rays. Labels compare surfaces at nearly the same distance by takes_over().
 enum class Answers : u8 { kPictures, kLabels };
 
 /// One ray's walk through a scene. Lifetime: of the views, their arrays, the stack and, for labels,
 /// the ray.
 ///
-/// Of two surfaces at the same distance pictures take the one of the lower instance, and of one
+/// Pictures take, of two surfaces at the same distance, the one of the lower instance, and of one
 /// instance the lower primitive, in whatever order they come.
 /// Source: Ylitie, Karras and Laine 2017, section 3.3.
 template <Answers kFor>
@@ -100,7 +100,7 @@ class BvhWalkFor {
     else
       meet_triangles(items);
   }
-  /// Whether there is something left to do.
+  /// True if there is something left to do.
   KERNEL bool goes_on() {
     if (any_ && hit_.instance != kNone) return false;
     return has_nodes(nodes_) || next();
@@ -146,7 +146,7 @@ class BvhWalkFor {
 
   KERNEL void push(const BvhGroup& group) { stack_[size_++] = group; }
   KERNEL void push(float a, float b) { push({bits_of_float(a), bits_of_float(b)}); }
-  /// What leave() takes.
+  /// Pushes what leave() takes.
   KERNEL void push_space() {
     push(space_.origin.x, space_.origin.y);
     push(space_.origin.z, direction_.x);
@@ -314,7 +314,7 @@ class BvhTracerFor {
     walk.begin_object(local, instance, false);
     return finish(walk);
   }
-  /// Whether a ray of object space, its direction of any length, meets one instance alone.
+  /// True if a ray of object space, its direction of any length, meets one instance alone.
   [[nodiscard]] KERNEL bool meets(u32 instance, const Ray& ray_object) const {
     BvhStack stack;
     BvhWalk walk(*scene_, *bvh_, stack);

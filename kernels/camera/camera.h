@@ -11,14 +11,14 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// From the camera's OpenGL frame to its OpenCV frame (x right, y down, z forward), and back.
 KERNEL vec3 cv_from_gl(vec3 v) { return vec3(v.x, -v.y, -v.z); }
 
-/// What turns metres of clipping into metres along a ray.
+/// Factor from metres of clipping to metres along a ray.
 template <class F>
 KERNEL F clip_scale(const CameraView& camera, Vec3<F> direction) {
   if (!is_straight(camera.lens.projection)) return 1;
   return 1 / dot(direction, Vec3<F>(normalize(-camera.world_from_camera[2])));
 }
 
-/// How far along a ray from the camera its near plane lies, metres.
+/// Distance of the near plane along a ray from the camera, metres.
 KERNEL float near_of(const CameraView& camera, vec3 direction) {
   return camera.near > 0 ? camera.near * clip_scale(camera, direction) : 0;
 }
@@ -38,10 +38,10 @@ KERNEL Ray clipped(const CameraView& camera, Ray ray) {
   return ray;
 }
 
-/// Where the centre of pixel (x, y) lies on the raster.
+/// Raster position of the centre of pixel (x, y).
 KERNEL vec2 centre_of(u32 x, u32 y) { return vec2(float(x) + 0.5f, float(y) + 0.5f); }
 
-/// Where a raster position lies on the lens model's image plane.
+/// Place of a raster position on the lens model's image plane.
 template <class F>
 KERNEL Vec2<F> image_place(const CameraView& camera, Vec2<F> raster) {
   return Vec2<F>((raster.x - camera.cx) / camera.fx, (raster.y - camera.cy) / camera.fy);
@@ -184,7 +184,7 @@ KERNEL Ray camera_ray_to(const CameraView& camera, vec3 p_world, HoleKey holes) 
   return {camera.world_from_camera[3], direction / distance, distance, camera.time, holes};
 }
 
-/// Whether a point lies between the clipping planes.
+/// True if a point lies between the clipping planes.
 KERNEL bool within_clip(const CameraView& camera, vec3 p_world) {
   if (!(camera.near > 0) && !(camera.far > 0)) return true;
   const Ray ray = camera_ray_to(camera, p_world, {0, true});

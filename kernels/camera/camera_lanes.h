@@ -7,7 +7,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether these are all the rays of a camera: it stands still and neither blurs nor bends them.
+/// True if these are all the rays of a camera: it stands still and neither blurs nor bends them.
 KERNEL bool is_plain(const CameraView& camera) {
   return camera.segments == 0 && !(camera.aperture.radius > 0) &&
          camera.lens.projection == Projection::kPerspective && !camera.lens.distorted;

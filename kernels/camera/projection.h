@@ -1,4 +1,4 @@
-// The kinds of cameras: where each sees a point, along what it looks, and what else tells them
+// The kinds of cameras: where each sees a point, along what it looks, and what else sets them
 // apart. In f32 for rays, in f64 for labels. Called by camera.h and
 // renderer/frame/image_camera.cpp.
 //
@@ -125,7 +125,7 @@ struct EquirectangularLens : UndistortedLens {
   }
 };
 
-/// A ray of its own for each pixel (ray_table.h): nothing says where it sees a point.
+/// A ray of its own for each pixel (ray_table.h): no formula gives where it sees a point.
 struct RayTableLens : UndistortedLens {
   static constexpr bool kStraight = false, kParallel = false, kWraps = false;
 

@@ -7,7 +7,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// When a camera starts to see pixel (x, y).
+/// Time when a camera starts to see pixel (x, y).
 KERNEL float pixel_time(const CameraView& camera, u32 x, u32 y) {
   const float time = camera.shutter.open + camera.shutter.row * float(y);
   if (!camera.table.times) return time;
@@ -28,7 +28,7 @@ struct Sighting {
   bool found;  // otherwise no row sees it when it is there, or many do
 };
 
-/// project_at(camera at a time) says where it would be seen then. y: raster, where to begin.
+/// project_at(camera at a time) gives where it would be seen then. y: raster, where to begin.
 ///
 /// The row depends on the time and the time on the row: a fixed point, which is reached while
 /// things move more slowly over the image than its rows are read.

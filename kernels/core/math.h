@@ -13,7 +13,7 @@ using Vec3 = glm::vec<3, F>;
 template <class F>
 using Mat4x3 = glm::mat<4, 3, F>;
 
-/// What integers, truth and enumerations are where numbers are F.
+/// Types of integers, truth values and enumerations where numbers are F.
 template <class F>
 struct InLanes {
   using Int = i32;
@@ -97,7 +97,7 @@ template <class F>
 KERNEL F rescale_uniform(F u, F length) {
   return min2(max2(u / length, F(0)), F(1 - 0x1p-24f));
 }
-/// Of a word that is not 0.
+/// Number of the lowest bit that is set, of a word that is not 0.
 KERNEL u32 lowest_bit(u64 bits) {
 #if defined(__CUDA_ARCH__)
   return u32(__ffsll(static_cast<long long>(bits))) - 1;

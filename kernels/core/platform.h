@@ -1,4 +1,4 @@
-// What lets one source compile for every target: the macro KERNEL, GLM, integer names.
+// Support for one source on every target: the macro KERNEL, GLM, integer names.
 #pragma once
 
 #if defined(__CUDACC__)
@@ -81,17 +81,17 @@ HELIO_ALWAYS_INLINE KERNEL void prefetch(const void* at) {
 #endif
 }
 
-// What few scenes have and plain programs leave out: media and volumes, light that travels in
-// bodies, layers, films, stretched highlights, sheets of glass; and what few films want beside
-// beauty. A path's state then fits into a GPU's registers. is_plain() says what they render.
+// Features that few scenes have, and plain programs leave out: media and volumes, light travelling
+// in bodies, layers, films, stretched highlights, sheets of glass; and what few films want beside
+// beauty. A path's state then fits into a GPU's registers. is_plain() names what they render.
 #if defined(HELIO_PLAIN)
 inline constexpr bool kRich = false;
 #else
 inline constexpr bool kRich = true;
 #endif
 
-// What few scenes have for rays to meet and programs for plain rays leave out: what moves, deforms
-// or has holes. SceneView::plain_rays says whose rays they trace.
+// Features that few scenes have for rays to meet, and programs for plain rays leave out: motion,
+// deformation, holes. SceneView::plain_rays is true for scenes whose rays they trace.
 #if defined(HELIO_PLAIN_RAYS)
 inline constexpr bool kRichRays = false;
 #else

@@ -43,7 +43,7 @@ KERNEL u32 reversed_sobol1(u32 i) {
   return i ^ ((i & 0xaaaaaaaau) >> 1);
 }
 
-/// What scrambles a pair of dimensions.
+/// Seeds that scramble a pair of dimensions.
 struct PairSeeds {
   u32 shuffle, x, y;
 };
@@ -140,7 +140,7 @@ KERNEL void draw(const SamplerLanes& lanes, u32 count) {
   }
 }
 
-/// What a pixel's random numbers start from.
+/// Key that a pixel's random numbers start from.
 KERNEL u64 pixel_key(u64 seed, u32 x, u32 y) { return hash64(hash64(seed) + (u64(y) << 32 | x)); }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

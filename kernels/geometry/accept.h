@@ -8,7 +8,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether the ray meets the surface at `hit`. Depends on the ray's key, the instance and the
+/// True if the ray meets the surface at `hit`. Depends on the ray's key, the instance and the
 /// primitive alone, so that the order of traversal does not matter.
 KERNEL bool accepts(const SceneView& scene, const Ray& ray, const Hit& hit) {
   const float opacity = opacity_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));

@@ -232,7 +232,7 @@ KERNEL SegmentPoint segment_point(const RoundSegment& s, const ConeOf<float>& co
 
 // ---------------------------------------------------------------- hits
 
-/// How deep a point lies within a segment; below 0: outside.
+/// Depth of a point within a segment; below 0: outside.
 ///
 /// p   relative to the first sphere
 template <class F>
@@ -249,7 +249,7 @@ KERNEL F depth_within(const RoundSegmentOf<F>& s, Vec3<F> p) {
   return s.ra - (rho * cone.cosine + z * cone.sine);
 }
 
-/// Whether the segments before and after one are of the same strand.
+/// Neighbours of a segment that are of the same strand.
 struct Neighbours {
   bool before, after;
 };
@@ -259,8 +259,8 @@ KERNEL Neighbours neighbours_of(const PrimitiveAt& at) {
           at.primitive + 1 < at.mesh.triangle_count && segment[1].x == segment->y};
 }
 
-/// Whether a point of a segment lies within the segment before or after it: then it is no surface
-/// of the strand. What lies on both surfaces, as far as rounding tells, is.
+/// True if a point of a segment lies within the segment before or after it: then it is no surface
+/// of the strand. A point on both surfaces, within rounding, is one.
 ///
 /// p       relative to the first sphere
 /// scale   of `s` and p

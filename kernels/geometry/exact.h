@@ -1,5 +1,5 @@
 // Where a ray meets a primitive, worked out again in double precision, and which of two surfaces a
-// label takes where single precision cannot tell. Called by probe_sight.h and by tracers.
+// label takes where single precision cannot decide. Called by probe_sight.h and by tracers.
 #pragma once
 
 #include "kernels/geometry/motion.h"
@@ -32,9 +32,9 @@ KERNEL bool meet_exactly(const SceneView& scene, const Ray& ray, glm::dvec3 dire
 /// Relative distances within which single precision may not tell which of two surfaces is nearer.
 inline constexpr float kUnclear = 0x1p-18f;
 
-/// Whether a label takes surface `a` rather than `b`, which are within kUnclear: the nearer one in
-/// double precision; of two at one place, as far as their vertices tell, that of the smaller label,
-/// 0 coming last.
+/// True if a label takes surface `a` rather than `b`, which are within kUnclear: the nearer one in
+/// double precision; where their vertices put them at one place, that of the smaller label, 0
+/// coming last.
 HELIO_RARE KERNEL bool comes_before(const SceneView& scene, const Ray& ray, const Hit& a,
                                     const Hit& b) {
   if (a.instance == b.instance) return a.t < b.t || (a.t == b.t && a.primitive < b.primitive);
@@ -49,7 +49,7 @@ HELIO_RARE KERNEL bool comes_before(const SceneView& scene, const Ray& ray, cons
   return label_a != label_b ? label_a < label_b : a.instance < b.instance;
 }
 
-/// Whether a label takes `hit` in place of the best one so far, which may be none.
+/// True if a label takes `hit` in place of the best one so far, which may be none.
 KERNEL bool takes_over(const SceneView& scene, const Ray& ray, const Hit& hit, const Hit& best) {
   return best.instance == kNone || hit.t < best.t * (1 - kUnclear) ||
          comes_before(scene, ray, hit, best);

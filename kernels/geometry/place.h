@@ -12,14 +12,14 @@ KERNEL mat4x3 scaled(const mat4x3& m, vec3 scale) {
   return mat4x3(m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]);
 }
 
-/// Of an affine map, by way of double precision.
+/// Inverse of an affine map, by way of double precision.
 KERNEL mat4x3 exact_inverse(const mat4x3& m) {
   const glm::dmat3 linear = glm::inverse(glm::dmat3(mat3(m[0], m[1], m[2])));
   return mat4x3(vec3(linear[0]), vec3(linear[1]), vec3(linear[2]),
                 vec3(-(linear * glm::dvec3(m[3]))));
 }
 
-/// Whether an instance can be shown with this matrix: it has an inverse.
+/// True if an instance can be shown with this matrix: it has an inverse.
 KERNEL bool usable_pose(const mat4x3& m) {
   const float det = glm::determinant(mat3(m[0], m[1], m[2]));
   return is_finite(det) && det != 0 && is_finite(m[3].x + m[3].y + m[3].z);
@@ -30,7 +30,7 @@ KERNEL bool usable_key(const MotionKey& key) {
          is_finite(key.translation.x + key.translation.y + key.translation.z);
 }
 
-/// Whether rays that begin within kReach are nowhere farther than kFarthest in an object's frame.
+/// True if rays that begin within kReach are nowhere farther than kFarthest in an object's frame.
 KERNEL bool is_within_reach(const mat4x3& object_from_world) {
   for (int row = 0; row < 3; ++row) {
     float most = glm::abs(object_from_world[3][row]);
@@ -40,9 +40,9 @@ KERNEL bool is_within_reach(const mat4x3& object_from_world) {
   return true;
 }
 
-/// Whether a slot can be shown.
+/// True if a slot can be shown.
 ///
-/// world   what takes the coordinates of its mesh to the world
+/// world   takes the coordinates of its mesh to the world
 KERNEL bool is_usable(const SlotView& slot, const mat4x3& world, const MotionKey* motion_keys) {
   bool usable = usable_pose(world);
   for (u32 i = 0; usable && slot.segments > 0 && i <= slot.segments; ++i)

@@ -19,7 +19,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether a mesh is one of these: it has one primitive, and no tree over it.
+/// True if a mesh is one of these: it has one primitive, and no tree over it.
 KERNEL bool is_whole(Shape shape) { return shape == Shape::kDisc || shape == Shape::kSphere; }
 
 /// The point of the unit disc at a place. Seen from its front with +y up, u goes to the right.

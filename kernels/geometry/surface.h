@@ -58,7 +58,7 @@ KERNEL vec3 vertex_normal_at(const MeshView& mesh, uvec3 triangle, vec2 barycent
          interpolate(normals + mesh.vertex_count, triangle, barycentric) * s.u;
 }
 
-/// How far a point computed from a triangle's corners may lie off its true plane.
+/// Distance that a point computed from a triangle's corners may lie off its true plane.
 ///
 /// Rounding grows with the magnitude of the corners, in object space and in the pose, not with that
 /// of the point: the point of a large triangle near the origin is as uncertain as its corners.
@@ -93,7 +93,7 @@ KERNEL Corners edges_at(const Surface& s) {
   return corners_at(*s.mesh, s.triangle, s.time);
 }
 
-/// What a set of texture coordinates grows by along those edges.
+/// Differences of a set of texture coordinates along those edges.
 struct UvEdges {
   vec2 ab, ac;
 };

@@ -10,7 +10,7 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// Noise that a product or an inverse in f32 leaves in the last row of a matrix.
 inline constexpr float kLastRowTolerance = 1e-6f;
 
-/// Whether f32 shows already that a pose has an inverse, as it does for nearly all: axes of 1e-4 to
+/// True if f32 shows already that a pose has an inverse, as it does for nearly all: axes of 1e-4 to
 /// 1e4, whose volume is off by 2e-6 of their box at most, and is 1e-4 of it.
 KERNEL bool plainly_invertible(const mat4x3& m) {
   const float x = dot(m[0], m[0]), y = dot(m[1], m[1]), z = dot(m[2], m[2]);

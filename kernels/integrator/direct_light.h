@@ -19,7 +19,7 @@ struct Vertex {
   CasterCones* casters;
 };
 
-// What scatters light, at any point, is to say:
+// A type of point that scatters light provides:
 //   receiver       the point as a light tree sees it
 //   scattered      how much of the light from a direction it sends on along the path
 //   leave_towards  where a ray in that direction starts

@@ -1,4 +1,4 @@
-// What a path begins with: its time, the camera's ray and the cone of its pixel. Called by path.h
+// Beginning of a path: its time, the camera's ray and the cone of its pixel. Called by path.h
 // and the drivers.
 #pragma once
 

@@ -239,7 +239,7 @@ HELIO_ALWAYS_INLINE KERNEL bool follow(const PathContext<T>& c, Path& path, Vert
   return path.edges <= c.settings.max_depth;
 }
 
-/// Whether the path's vertex is its last: it is met, and takes no light.
+/// True if the path's vertex is its last: it is met, and takes no light.
 KERNEL bool is_last(const Settings& settings, const Path& path) {
   return path.edges >= settings.max_depth;
 }
@@ -273,7 +273,7 @@ HELIO_ALWAYS_INLINE KERNEL bool scatter(const PathContext<T>& c, Path& path, Ver
   return follow(c, path, v, to, sample);
 }
 
-/// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
+/// True if the hemisphere above the vertex is open in a direction chosen by cosine.
 template <Tracer T>
 HELIO_GPU_NOINLINE KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v,
                                                 const Path& path, SampleValues& sample) {
@@ -312,7 +312,7 @@ HELIO_ALWAYS_INLINE KERNEL Path begin_sample(const PathContext<T>& c, const Ray&
   return path;
 }
 
-/// How far a path's ray may go.
+/// Distance that a path's ray may go.
 struct Reach {
   float end;      // its own t_max
   Flight flight;  // through the medium that it starts in
@@ -339,7 +339,7 @@ struct SurfaceAt {
   }
 };
 
-/// What becomes of a path where its ray ends.
+/// Outcomes where a path's ray ends.
 enum class Met : u8 { kEnd, kPassage, kSurface };
 
 /// The path has set out and its ray has met something, or nothing: it ends there, goes on, or comes

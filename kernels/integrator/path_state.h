@@ -39,7 +39,7 @@ enum Hashed : u32 {
   kWalkHash = 12288
 };
 
-/// What every step needs and none changes.
+/// Inputs of every step, which none changes.
 template <Tracer T>
 struct PathContext {
   const SceneView& scene;
@@ -64,7 +64,7 @@ struct alignas(16) PathRay {
   u8 dispersed : 1;     // it carries the colour of its wavelength
 };
 
-/// What a path has beside its ray, its route and what it is inside of.
+/// State that a path has beside its ray, its route and what it is inside of.
 struct alignas(16) PathState {
   vec3 throughput;
   float pdf;    // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
@@ -89,7 +89,7 @@ KERNEL Receiver receiver_of(const Path& path) {
   return {path.from_p, path.from_n, path.from_facing, path.ray.time, path.surface_share};
 }
 
-/// What paths carry.
+/// Factors that paths carry.
 template <class F>
 struct CarriedOf {
   Vec3<F> throughput;
@@ -104,7 +104,7 @@ KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
   return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
 }
 
-/// Of the vertex at the end of the path's ray.
+/// Pair of a dimension of the vertex at the end of the path's ray.
 KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
   return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
 }
@@ -192,12 +192,12 @@ KERNEL BoolOf<F> survives(Vec3<F>& throughput, F radiance_scale, BoolOf<F> begun
   return u() < chance;
 }
 
-/// Whether there is roulette at the path's vertex.
+/// True if there is roulette at the path's vertex.
 KERNEL bool roulette_begins(const Settings& settings, const Path& path) {
   return path.edges >= settings.roulette_depth;
 }
 
-/// Of a path that has gone on.
+/// Roulette of a path that has gone on. False: it ends.
 template <Tracer T>
 KERNEL bool survives(const PathContext<T>& c, Path& path) {
   const u32 chances = vertex_pair(path, kChancePair) - kVertexPairs;  // of the vertex left

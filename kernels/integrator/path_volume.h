@@ -5,7 +5,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether the path collides in a volume before t_max.
+/// True if the path collides in a volume before t_max.
 template <Tracer T>
 KERNEL bool meets_volume(const PathContext<T>& c, const Path& path, float t_max, Collision& at) {
   if (!kRich || c.scene.volume_count == 0) return false;

@@ -12,17 +12,17 @@ inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1) <
 inline constexpr PlaneSet kGuidePlaneSet =
     plane_bit(Plane::ALBEDO_MEAN) | plane_bit(Plane::NORMAL_MEAN);
 
-/// Those that plain programs do not make.
+/// Planes that plain programs do not make.
 inline constexpr PlaneSet kRichPlaneSet = planes_from<SampleRich>() | planes_from<GroupSums>();
 /// True where a program makes rich planes and some of `planes` are wanted.
 KERNEL bool wants_rich(const FilmView& film, PlaneSet planes) {
   return kRich && (film.wanted & planes) != 0;
 }
 
-/// What a path's first vertex does with light.
+/// Kinds of scattering at a path's first vertex.
 enum class FirstVertex : u8 { kReflects, kTransmits, kWalksInside, kInVolume };
 
-/// Which planes a path's light belongs to: decided where it scatters first.
+/// Planes that a path's light belongs to: decided where it scatters first.
 struct Route {
   vec3 diffuse_share;  // of what is reflected there; the rest is glossy
   FirstVertex vertex;

@@ -13,7 +13,7 @@ KERNEL void put_flow(Probe& p, const Flow& flow, bool forward) {
   if (forward) p.scene_flow = flow.metres;
 }
 
-/// What a probe says where it meets nothing.
+/// Answer of a probe that meets nothing.
 KERNEL Probe empty_probe() {
   Probe p{};
   p.p_world = p.p_camera = p.object_coordinates = p.nocs = vec3(NAN);
@@ -22,7 +22,7 @@ KERNEL Probe empty_probe() {
   return p;
 }
 
-/// Where it is, at t along the ray. The camera's frame does not go through the world's, which
+/// Fills in its place at t along the ray. The camera's frame does not go through the world's, which
 /// rounds more the farther its origin is.
 KERNEL void probe_point(Probe& p, const CameraView& camera, const Sight& sight, float t) {
   const Ray& ray = sight.ray;
@@ -70,7 +70,7 @@ KERNEL vec3 rest_position(const Surface& s, const Hit& hit) {
   return Curves::surface({at_rest, hit.primitive, 0}, vec2(hit.u, hit.v)).p;
 }
 
-/// What the wanted planes say of the surface itself.
+/// Fills in what the wanted planes show of the surface itself.
 KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit, const Sight& sight,
                           PlaneSet wanted) {
   const SceneView& scene = *context.now.scene;
@@ -95,8 +95,8 @@ KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit,
     probe_rest(p, context.rest_boxes[hit.instance], rest_position(s, hit));
 }
 
-/// What the planes say of the point where a volume's transmittance is one half. It has no normal
-/// and no material.
+/// Fills in what the planes show of the point where a volume's transmittance is one half. It has no
+/// normal and no material.
 KERNEL void probe_volume(Probe& p, const ProbeContext& context, const Collision& at,
                          const Sight& sight, PlaneSet wanted) {
   const SceneView& scene = *context.now.scene;

@@ -19,7 +19,7 @@ struct ProbeScene {
   bool camera_jumped = false;  // as an end of flow: no flow in pixels to there is valid
 };
 
-/// What a probe reads. forward, backward: the other ends of flow, null when not wanted; their
+/// Inputs of a probe. forward, backward: the other ends of flow, null when not wanted; their
 /// instances and triangles are those of `now`, in the same order, elsewhere.
 struct ProbeContext {
   ProbeScene now;
@@ -27,7 +27,7 @@ struct ProbeContext {
   ProbeScene backward;
   const CameraView* disparity;  // the second camera of a rectified rig, null when not wanted
   const Settings* settings;
-  // Of the instances, then of the volumes of `now`; null when no plane asks.
+  // Boxes of the instances, then of the volumes of `now`; null when no plane asks.
   const RestBoxView* rest_boxes;
 };
 
@@ -47,7 +47,7 @@ struct CountedTracer {
   u32& rays;
 };
 
-/// What a probe looks along.
+/// Ray that a probe looks along.
 struct Sight {
   Ray ray;  // t_max 0: there is nothing to see
   u32 mask;
@@ -55,7 +55,7 @@ struct Sight {
   glm::dvec3 direction;  // the ray's
 };
 
-/// What the label of a pixel looks along, by its centre.
+/// Sight of the label of a pixel, by its centre.
 KERNEL Sight centre_sight(const CameraView& camera, vec2 centre) {
   const Ray ray = centre_ray(camera, centre);
   return {ray, kCameraRay, near_of(camera, ray.direction), centre_direction(camera, centre, ray)};
@@ -99,7 +99,7 @@ KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray r
   }
 }
 
-/// Whether a camera sees a point of a surface: nothing lies before it.
+/// True if a camera sees a point of a surface: nothing lies before it.
 template <Tracer T>
 KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Surface& s,
                         bool through_transmission) {
@@ -112,7 +112,7 @@ KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Su
          probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
 }
 
-/// Whether a camera sees a point of a volume: no surface lies before it.
+/// True if a camera sees a point of a volume: no surface lies before it.
 template <Tracer T>
 KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, vec3 p_world,
                         bool through_transmission) {

@@ -81,7 +81,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL void gather_caustic_targets(CasterConesOf
                                                                    const SceneView& scene,
                                                                    Vec3<F> p, Vec3<F> n) {
   constexpr float kFlattest = 0.1f;  // cosine that the weight of a low one has
-  // What the casters' own cones add up to, as shares of the hemisphere weighed by the cosine, for
+  // Sum of the casters' own cones, as shares of the hemisphere weighed by the cosine, that takes
   // the whole probability. Of 0.01 to 0.1 the most that has no more variance in W1; a plain with a
   // few small casters (W4) takes 1.08 times as long as without any, where it took 1.47 times.
   constexpr float kLarge = 0.03f;

@@ -48,7 +48,7 @@ struct FlatTriangleLanes : WorldTriangleOf<Floats> {
   Floats radiosity, power, offset;
   Mask both;
 };
-/// Of each lane the row that number(i) says.
+/// Row number(i) of each lane i.
 template <class N>
 KERNEL FlatTriangleLanes triangles_of(const FlatLights& lights, const N& number) {
   const auto row = [&](u32 k) {
@@ -65,7 +65,7 @@ KERNEL FlatTriangleLanes triangles_of(const FlatLights& lights, const N& number)
   return t;
 }
 
-/// Which triangle is taken, as sample_leaf() takes it.
+/// Triangle that is taken, as sample_leaf() takes it.
 struct FlatChoice {
   Ints row = 0;
   Floats weight = 0, rest = 0;  // of the one that is taken: rest in [0, weight)

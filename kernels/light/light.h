@@ -1,4 +1,4 @@
-// What surfaces and the sky emit, and how directions to them are chosen. Called by path.h.
+// Light that surfaces and the sky emit, and choice of directions to it. Called by path.h.
 #pragma once
 
 #include "kernels/light/dome.h"
@@ -35,7 +35,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL F surface_share(const SceneView& scene,
                                                        const LitPointOf<F>& to) {
   if (scene.light_count == 0) return F(0);
   if (!(scene.sky_power > 0)) return F(1);
-  // Of light from everywhere a surface's side receives a quarter.
+  // A surface's side receives a quarter of the light from everywhere.
   const F received = select(to.all_around, F(1), select(to.both, F(0.5f), F(0.25f)));
   const auto root = node_for_all<F>(scene.light_nodes[0]);
   return share_of_surfaces(importance(root, to, BoolOf<F>(false)), F(received * scene.sky_power));
@@ -66,7 +66,7 @@ KERNEL u32 light_group(const SceneView& scene, const LightSample& sample) {
   return sample.sun != kNone ? scene.suns[sample.sun].light_group : scene.dome.light_group;
 }
 
-/// What LightSample says of directions to lights.
+/// Part of LightSample that concerns directions to lights.
 template <class F>
 struct LightDirectionOf {
   Vec3<F> direction, target;
@@ -119,7 +119,7 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
   return sample_dome(scene, from, vec2(rescale_uniform(u.x, scene.dome.probability), u.y), out);
 }
 
-/// Whether one of the lights of the tree is taken, and which leaf; if not, it is one of the sky.
+/// Choice between the lights of the tree, with the leaf, and those of the sky.
 template <class F>
 struct LightChoiceOf {
   BoolOf<F> of_tree;

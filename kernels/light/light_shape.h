@@ -79,7 +79,7 @@ KERNEL F sphere_error(Vec3<F> center, F radius, Vec3<F> n) {
                      0.0625f * max_component(bound));
 }
 
-/// Of a sphere that may be uneven, in object space.
+/// Samples a sphere that may be uneven, in object space.
 KERNEL bool sample_point(Sphere, const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   const float distance2 = dot(origin, origin);
@@ -104,7 +104,7 @@ KERNEL float point_pdf(Sphere, const LightPlace& at, vec3 from, vec3 direction, 
 
 // ---------------------------------------------------------------- discs
 
-/// Whether a disc looks so large from a point of object space that it is sampled by solid angle.
+/// True if a disc looks so large from a point of object space that it is sampled by solid angle.
 KERNEL bool is_near_disc(vec3 origin) { return dot(origin, origin) < 4; }
 
 /// The square about a disc, in two halves.

@@ -20,7 +20,7 @@ struct LightSample {
   u32 visibility;  // ray mask bits of the emitting instance
 };
 
-/// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
+/// True if a light shows to every kind of ray that scattering makes. If not, only sample_light()
 /// and mirrors count it.
 template <class Bits>
 KERNEL auto shows_to_all(Bits visibility) {
@@ -49,8 +49,8 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL vec3 emitted(const SceneView& scene, cons
   return radiance + added * cone_share(light, s.pose.world_from_object, wo);
 }
 
-/// What a surface shows of itself besides: the colour of unlit materials, which is light to whoever
-/// meets it but that sample_light() does not know.
+/// Radiance that a surface shows besides: the colour of unlit materials, light to whoever meets it
+/// but unknown to sample_light().
 KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
   return s.material->unlit ? m.base_color : vec3(0);
 }
@@ -76,7 +76,7 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL float light_pdf(const SceneView& scene, R
   return pdf > 0 ? pdf : 0;
 }
 
-/// Whether a light has the same radiance at all its points in all directions.
+/// True if a light has the same radiance at all its points in all directions.
 KERNEL bool is_even(const LightView& light, const InstanceView& instance) {
   return !light.material_emits && light.texture.texture == kNone && light.cone_scale == 0 &&
          light.profile == kNone && !(instance.flags & kMayBeHole);

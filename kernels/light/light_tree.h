@@ -7,7 +7,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Which directions count at a point that receives light.
+/// Directions that count at a point that receives light.
 enum class Facing : u8 {
   kFront,  // those in the hemisphere of its normal
   kBoth,   // all, by their cosine to the normal
@@ -117,7 +117,7 @@ KERNEL LitPointOf<float> lit_point(const Receiver& r) {
   return {r.p, r.n, r.facing == Facing::kBoth, r.facing == Facing::kAny};
 }
 
-/// What lies below nodes of a tree, as LightNode has it.
+/// Children or lights below nodes of a tree, as LightNode has them.
 template <class F>
 struct LightLinkOf {
   IndexOf<F> first, count;

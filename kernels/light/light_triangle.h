@@ -44,7 +44,7 @@ KERNEL LightTriangle light_triangle(const LightPlace& at, u32 entry) {
   return t;
 }
 
-/// Whether light leaves the back sides of a light, too.
+/// True if light leaves the back sides of a light, too.
 KERNEL bool emits_back(const LightView& light) {
   return light.light_two_sided || (light.material_emits && light.material_two_sided);
 }
@@ -94,7 +94,7 @@ KERNEL Vec3<F> sample_sphere_triangle(const SphereTriangleOf<F>& s, Vec2<F> u) {
   return s.v1 * (1 - drop) + side * safe_sqrt(drop * (2 - drop));
 }
 
-/// Whether the triangles of a leaf are large enough, seen from a point, to be sampled by solid
+/// True if the triangles of a leaf are large enough, seen from a point, to be sampled by solid
 /// angle.
 ///
 /// center, radius2   of the leaf; p: in object space

@@ -54,7 +54,7 @@ KERNEL double portal_sum(const double* sums, u32 x, double y) {
   const double* at = sums + u64(row) * (kPortalSide + 1) + x;
   return at[0] + (at[kPortalSide + 1] - at[0]) * (y - row);
 }
-/// What is left of x between two rows.
+/// Part of the running sum at column x that lies between two rows.
 KERNEL double portal_band(const double* sums, u32 x, double low, double high) {
   return portal_sum(sums, x, high) - portal_sum(sums, x, low);
 }
@@ -70,7 +70,7 @@ KERNEL double window_light(const PortalView& portal, const PortalWindow& w) {
               0.0);
 }
 
-/// Whether a point is before some portal. Then sample_light() looks for the dome through portals.
+/// True if a point is before some portal. Then sample_light() looks for the dome through portals.
 KERNEL bool portal_faces(const DomeView& dome, vec3 p) {
   for (u32 i = 0; i < dome.portal_count; ++i) {
     if (dot(dome.portals[i].center - p, dome.portals[i].z) > 0) return true;

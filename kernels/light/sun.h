@@ -14,7 +14,7 @@ KERNEL vec3 sun_direction(const SunView& sun, float time) {
   return normalize(interpolate(key[0], key[1], s.u)[2]);
 }
 
-/// Whether a unit direction meets the sun at a time.
+/// True if a unit direction meets the sun at a time.
 KERNEL bool in_sun(const SunView& sun, vec3 direction, float time) {
   const vec3 d = direction - sun_direction(sun, time);
   return dot(d, d) <= 2 * sun.one_minus_cos;

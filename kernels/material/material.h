@@ -20,7 +20,7 @@ KERNEL vec2 interpolate(const vec2* values, uvec3 triangle, vec2 barycentric) {
   return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
 }
 
-/// Whether a mesh has curves. Plain programs render none.
+/// True if a mesh has curves. Plain programs render none.
 KERNEL bool has_curves(const MeshView& mesh) { return kRich && mesh.shape == Shape::kCurves; }
 
 /// barycentric   as Surface has it
@@ -104,14 +104,14 @@ HELIO_GPU_NOINLINE_UNLESS_PLAIN KERNEL MaterialValues evaluate_material(
   return values;
 }
 
-/// Whether there may be a medium inside surfaces of a material.
+/// True if there may be a medium inside surfaces of a material.
 KERNEL bool may_fill(const MaterialView& material) {
   const MaterialValues& m = material.constant;
   return !material.thin_walled && (m.transmission > 0 || m.diffuse_transmission > 0) &&
          (m.attenuation_distance > 0 || !is_black(m.medium_density));
 }
 
-/// Whether a material is the boundary of a medium and nothing else: of index 1, smooth and clear.
+/// True if a material is the boundary of a medium and nothing else: of index 1, smooth and clear.
 /// Light passes it straight on, also on its way from a light.
 KERNEL bool is_passable(const MaterialView& material) {
   constexpr ParameterSet kDecisive =
@@ -133,7 +133,7 @@ KERNEL bool is_body(const MaterialView& material) {
 /// Microfacets with less than this alpha are a perfect mirror.
 inline constexpr float kDeltaAlpha = 1e-3f;
 
-/// What surfaces may have, each with all before it.
+/// Features that surfaces may have, each with all before it.
 enum class Features : u8 {
   kOpaque,  // coat and metal under microfacets
   kGlass,   // perfect mirrors, and glass whose microfacets reflect or refract
@@ -149,13 +149,13 @@ KERNEL Features features_of(const MaterialValues& m, bool thin_walled) {
   return m.transmission > 0 || mirror ? Features::kGlass : Features::kOpaque;
 }
 
-/// Whether surfaces of a material scatter light as plain programs do not, see kRich. Textures scale
+/// True if surfaces of a material scatter light as plain programs do not, see kRich. Textures scale
 /// what the constants are.
 KERNEL bool is_rich(const MaterialView& material) {
   return features_of(material.constant, material.thin_walled) == Features::kAll;
 }
 
-/// Counts the material of an instance in what SceneView says of all.
+/// Counts the material of an instance in SceneView's totals of all.
 KERNEL void accumulate_features(SceneView& scene, const MaterialView& material) {
   scene.any_rich |= is_rich(material);
   scene.any_unlit |= material.unlit;

@@ -1,4 +1,4 @@
-// What fills closed surfaces, and which of them a path is inside of. Called by the steps of path.h.
+// Media in closed surfaces, and which of them a path is inside of. Called by the steps of path.h.
 #pragma once
 
 #include "kernels/geometry/surface.h"
@@ -7,7 +7,7 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 // ---------------------------------------------------------------- media
 
-/// What fills a closed surface, alike everywhere. By colour, 1/m.
+/// Medium in a closed surface, alike everywhere. By colour, 1/m.
 struct Interior {
   vec3 extinction;
   vec3 scattering;  // at most the extinction
@@ -85,13 +85,13 @@ struct Inside {
   u32 depth = 0;
 };
 
-/// Whether paths keep track of what they are inside of.
+/// True if paths keep track of what they are inside of.
 KERNEL bool has_media(const SceneView& scene) { return kRich && scene.any_media; }
 
-/// Whether something fills the place.
+/// True if something fills the place.
 KERNEL bool is_filled(const Inside& inside) { return kRich && inside.depth > 0; }
 
-/// What fills it, if something does.
+/// Medium that fills it, if something does.
 KERNEL const Interior& interior_in(const Inside& inside) {
   return inside.layers[inside.depth - 1].medium;
 }
@@ -150,7 +150,7 @@ KERNEL void cross_surface(Inside& inside, const Surface& s, const MaterialValues
   }
 }
 
-/// What light does at a surface: scatters, or goes straight on through the boundary of a medium or
+/// Action of light at a surface: scatters, or goes straight on through the boundary of a medium or
 /// as if nothing were there.
 enum class Meeting : u8 { kScatters, kPasses, kAbsent };
 struct Boundary {
@@ -186,8 +186,8 @@ KERNEL vec3 tint_of_crossing(const MaterialValues& m) {
   return vec3(std::sqrt(m.base_color.x), std::sqrt(m.base_color.y), std::sqrt(m.base_color.z));
 }
 
-/// What a point is inside of: the surfaces that a ray from it leaves without having entered them.
-/// Adds the rays that it takes.
+/// Finds what a point is inside of: the surfaces that a ray from it leaves without having entered
+/// them. Adds the rays that it takes.
 template <Tracer T>
 HELIO_RARE KERNEL Inside inside_at(const SceneView& scene, const T& tracer, Ray ray, u32& rays) {
   Inside found, entered;

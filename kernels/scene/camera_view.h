@@ -56,7 +56,7 @@ struct TableRay {
   vec3 direction;  // of any length; 0: the pixel sees nothing
 };
 
-/// What a camera sees along, pixel by pixel, row-major.
+/// Rays that a camera sees along, pixel by pixel, row-major.
 struct RayTableView {
   const TableRay* rays;  // null: the camera is of another kind
   const float* times;    // seconds; null: all 0

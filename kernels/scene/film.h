@@ -133,7 +133,7 @@ KERNEL float mean_moment(const FilmView& film, u64 pixel, u64 i, u32 samples) {
 struct PixelStatistics {
   float mean;
   float variance;
-  float hits;  // how many samples would tell it, if each told the same and all others nothing
+  float hits;  // samples that would amount to it, if each had the same and all others nothing
 };
 KERNEL PixelStatistics pixel_statistics(const FilmView& film, u64 pixel, u32 samples) {
   const vec3 beauty(mean_value(film, Plane::BEAUTY, 4 * pixel, samples),

@@ -9,7 +9,7 @@
 
 namespace heliograph::kernels {
 
-/// How a plane's value comes about.
+/// Ways in which a plane's value comes about.
 enum class Fold : u8 {
   kMean,    // averaged over samples with the pixel filter, by path.h
   kCentre,  // one ray through the pixel's centre, by probe_pixel()
@@ -18,7 +18,7 @@ enum class Fold : u8 {
 };
 
 // Parts of a probe: values at the first surface that the ray through a pixel's centre meets. Each
-// part is found out by itself, where a plane wants it. World space unless a name says otherwise.
+// part is found out by itself, where a plane wants it. World space unless a name states another.
 struct ProbeHit {
   bool hit;
   float distance;

@@ -16,13 +16,13 @@ enum RayMask : u32 {
   kShadowRay = 16,
   kVolumeRay = 32,
   kAllRays = 63,
-  // Of what a backend adds to the bits of the scene:
+  // Bits that a backend adds to those of the scene:
   kCatcherRay = 64,   // meets the shadow catchers that shadow rays meet
   kThroughRay = 128,  // meets what camera rays do, and shadow catchers
 };
 
-/// What accepts() needs to decide on a hole. A probe ray takes a surface with opacity >= 0.5; any
-/// other one takes it when uniform(key, instance, primitive) < opacity, whatever the order of
+/// Inputs with which accepts() decides on a hole. A probe ray takes a surface with opacity >= 0.5;
+/// any other one takes it when uniform(key, instance, primitive) < opacity, whatever the order of
 /// traversal.
 struct HoleKey {
   u32 key;
@@ -31,21 +31,21 @@ struct HoleKey {
 
 struct Ray {
   vec3 origin;     // metres, world
-  vec3 direction;  // unit unless said otherwise
+  vec3 direction;  // unit unless stated otherwise
   float t_max;
   float time;  // within the scene's motion, [0, 1]
   HoleKey holes;
 };
 
 /// Metres from the world's origin, along each axis, within which rays begin. Single precision has
-/// steps of 8 m there, and can still say where that is in the frame of an object of 1e-10 m.
+/// steps of 8 m there, and can still place that in the frame of an object of 1e-10 m.
 inline constexpr float kReach = 1e8f;
 /// The same in the frame of any object. Embree ends the process where a number of a ray, in
 /// whatever frame, is larger than 1.84e18 or none.
 inline constexpr float kFarthest = 1.8e18f;
 
-/// Whether a ray's numbers can be computed with; also false for what is no number. Tracers say that
-/// others meet nothing.
+/// True if a ray's numbers can be computed with; also false for what is no number. Tracers report
+/// that others meet nothing.
 ///
 /// longest   of the direction, along each axis
 KERNEL bool is_sound(const Ray& ray, float reach = kReach, float longest = 2) {

@@ -94,7 +94,7 @@ struct MaterialView {
 
 // ---------------------------------------------------------------- geometry
 
-/// What rays meet of a mesh: its triangles, the shape that it stands for (shape.h), or the round
+/// Primitives of a mesh that rays meet: triangles, the shape that it stands for (shape.h), or round
 /// segments of its strands (curve.h). primitive.h has a type for each kind.
 enum class Shape : u8 { kTriangles, kDisc, kSphere, kCurves };
 
@@ -111,7 +111,7 @@ struct MeshView {
   const vec4* colors;
   const vec4* tangents;  // w: handedness
   const u32* parts;      // per triangle
-  // Of curves, per point: a vector across the strand at rest, of any length, and its radius.
+  // Curves only, per point: a vector across the strand at rest, of any length, and its radius.
   const vec4* strand_points;
   u32 triangle_count;
   u32 vertex_count;
@@ -145,14 +145,14 @@ struct SlotView {
   vec3 scale;       // of the mesh, before the entity's pose
 };
 
-/// The same in its place (place.h). Its flags say kFlipped, and its visibility is 0 where it cannot
-/// be shown.
+/// The same in its place (place.h). Its flags have kFlipped, and its visibility is 0 where it
+/// cannot be shown.
 struct InstanceView : SlotView {
   mat4x3 world_from_object;  // of what does not move; use pose_at()
   mat4x3 object_from_world;
 };
 
-/// What the planes of object coordinates need of an instance or a volume.
+/// Box of an instance or a volume for the planes of object coordinates.
 struct RestBoxView {
   mat4x3 box_from_object;  // rest position -> [0, 1]^3 in the labelled instance's rest box
   vec3 nocs_scale;         // box size / box diagonal

@@ -1,4 +1,4 @@
-// What a render request sets for the kernels.
+// Settings of a render request for the kernels.
 #pragma once
 
 #include "kernels/core/platform.h"
@@ -17,7 +17,7 @@ struct Settings {
   PixelFilter filter;
   bool transparent_background;
   bool through_transmission;
-  u32 vertex;  // of the path through a pixel's centre, that centre planes tell of; 0: the first
+  u32 vertex;  // of the path through a pixel's centre, that centre planes show; 0: the first
 };
 
 }  // namespace heliograph::kernels

@@ -7,7 +7,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What a ray is traced for.
+/// Targets of a ray.
 enum class Seeks : u8 { kSurface, kSky, kNothing };
 
 class LastRays {
@@ -20,7 +20,7 @@ class LastRays {
     if (only_lights_emit_ && scene.light_count > 0) add_lights(scene.light_nodes);
   }
 
-  /// Of a path on its way from a surface.
+  /// Target of the ray of a path on its way from a surface.
   [[nodiscard]] Seeks of(const Path& path) const {
     if (path.edges != edges_ || path.edges == 1 || !path.guided || !only_lights_emit_ ||
         may_meet_lights(path.ray)) {

@@ -197,7 +197,7 @@ class Lockstep {
     }
   }
 
-  /// Those that go on stay active; those whose light waits are lit_.
+  /// Keeps those that go on active, and lists those whose light waits in lit_.
   void arrive() {
     u32 left = 0;
     lit_count_ = 0;

@@ -1,4 +1,4 @@
-// What lockstep.h keeps of a sample on its way.
+// State that lockstep.h keeps of a sample on its way.
 #pragma once
 
 #include "kernels/schedule/last_rays.h"

@@ -9,7 +9,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Which surfaces are put side by side: those that take the same steps.
+/// Surfaces that are put side by side: those that take the same steps.
 enum class Company : u8 { kOpaque, kGlass, kCovered, kFilm };
 inline constexpr u32 kCompanies = 4;
 KERNEL Company company_of(const MaterialValues& m, bool thin_walled) {
@@ -28,8 +28,8 @@ struct Waiting {
   SampleValues* values[kLanes];
 };
 
-/// Those, side by side. Lanes that hold none have what the first has, but for parameters that only
-/// some surfaces have: zeros, or those of earlier ones.
+/// Paths that wait, side by side. Lanes that hold none have what the first has, but for parameters
+/// that only some surfaces have: zeros, or those of earlier ones.
 template <Features S>
 struct ScatterLanes : Waiting {
   MaterialValuesOf<Floats> material{};
@@ -61,7 +61,7 @@ KERNEL void read_parameters(const Waiting& waiting, MaterialValuesOf<Floats>& m)
   m.ior = third.of[1];
   m.specular_tint = row(6).of[3];
 }
-/// What only some have.
+/// Reads the parameters that only some materials have.
 KERNEL void read_others(const SceneView& scene, const Waiting& waiting, MaterialValuesOf<Floats>& m,
                         ShadingPointOf<Floats>& at) {
   for (u32 i = 0; i < waiting.count; ++i) {
@@ -77,7 +77,7 @@ KERNEL void read_others(const SceneView& scene, const Waiting& waiting, Material
   }
 }
 
-/// What scatter() of path.h needs of paths that wait.
+/// Reads what scatter() of path.h needs of paths that wait.
 template <Features S>
 KERNEL void read(const SceneView& scene, const Settings& settings, ScatterLanes<S>& lanes) {
   for (u32 i = lanes.count; i < kLanes; ++i) {

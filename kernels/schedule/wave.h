@@ -14,7 +14,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// What is rendered.
+/// Picture that is rendered.
 struct ShotView {
   SceneView scene;
   CameraView camera;
@@ -22,7 +22,7 @@ struct ShotView {
   FilmView film;
 };
 
-/// Whether plain programs render it, see kRich.
+/// True if plain programs render it, see kRich.
 KERNEL bool is_plain(const ShotView& shot) {
   const SceneView& scene = shot.scene;
   const FilmView& film = shot.film;
@@ -42,12 +42,12 @@ struct WaveWork {
 KERNEL u32 pixels_of(const WaveWork& work) { return work.tiles * kTilePixels; }
 KERNEL u32 items_of(const WaveWork& work) { return pixels_of(work) * work.samples; }
 
-/// Which picture an item is of, `image` being any of them.
+/// Picture that an item is of, `image` being any of them.
 KERNEL u32 picture_of(const FilmView& image, const WaveWork& work, u32 item) {
   return (work.first_tile + item % pixels_of(work) / kTilePixels) / tiles_of(image);
 }
 
-/// Where an item is in its picture.
+/// Place of an item in its picture.
 struct ItemPlace {
   u32 x, y;
   u32 sample;
@@ -64,7 +64,7 @@ KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item)
   return {x, y, work.first_sample + item / pixels, x < image.width && y < image.height};
 }
 
-/// What became of a path that arrived.
+/// Outcome of a path's arrival.
 struct Arrival {
   bool goes_on;           // it has set out again
   bool wants_shadow_ray;  // if the ray in WaveView::lights is free
@@ -163,7 +163,7 @@ class Wave {
   KERNEL Sampler sampler_of(const ItemPlace& at) const {
     return {pixel_key(shot_.settings.seed, at.x, at.y), at.sample};
   }
-  /// Of a path on its way, for which the camera means nothing.
+  /// Context of a path on its way, for which the camera means nothing.
   KERNEL PathContext<T> context(u32 item, const Sampler& sampler, float time) const {
     return {shot_.scene, shot_.camera, shot_.settings, tracer_, view_.film, sampler, time, item};
   }

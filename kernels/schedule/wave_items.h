@@ -1,4 +1,4 @@
-// What waits between two steps of a wave, packed: a wave spends much of its time on moving it.
+// Items that wait between two steps of a wave, packed: it spends much of its time on moving them.
 // Called by wave.h.
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-// A GPU's thread moves 16 bytes at a time where it is told to: member by member, it would ask the
+// A GPU's thread moves 16 bytes at a time on request only: member by member, it would ask the
 // memory four times as often. What it moves is of no use to others, or later: the caches are for
 // what threads share and for their stacks.
 template <class T>
@@ -52,7 +52,7 @@ struct alignas(16) WaveSample {
   vec3 radiance;
   u32 rays;
 };
-/// What a sample has of the first vertices of its path.
+/// Values that a sample has from the first vertices of its path.
 struct alignas(16) WaveFirst {
   vec3 albedo;
   float alpha;

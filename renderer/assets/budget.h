@@ -1,5 +1,5 @@
-// What a load may still allocate: every loader asks here before it allocates by a number that the
-// file claims.
+// Budget of what a load may still allocate: every loader asks here before it allocates by a number
+// that the file claims.
 #pragma once
 
 #include <atomic>

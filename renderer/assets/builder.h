@@ -1,4 +1,4 @@
-// Collects the edits of an asset and what there is to say about it. Filled by every model loader.
+// Collects the edits of an asset and the warnings about it. Filled by every model loader.
 #pragma once
 
 #include <set>

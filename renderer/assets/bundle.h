@@ -20,7 +20,7 @@ class Bundle {
   [[nodiscard]] const BundleFile& model() const { return files_.front(); }
   /// Null where there is none, and for one that nobody has.
   [[nodiscard]] const BundleFile* find(std::string_view path) const;
-  /// An empty file of the bundle: its sender says that nobody has it.
+  /// An empty file of the bundle: its sender states that nobody has it.
   [[nodiscard]] bool lacks(std::string_view path) const;
 
   /// The bundle path of `reference`, as written in the file `from`; `where` is for the message.

@@ -40,7 +40,7 @@ NonFinite make_finite(std::span<std::byte> texels, Word at_least) {
   return found;
 }
 
-/// Of what is still to be written: the system zeroes 2 MiB at a time.
+/// Asks for large pages of what is still to be written: the system zeroes 2 MiB at a time.
 void ask_for_large_pages(std::span<std::byte> bytes) {
   constexpr std::size_t kLarge = 2 << 20;
   void* begin = bytes.data();

@@ -33,7 +33,7 @@ constexpr std::array kMagics = std::to_array<Magic>({
     {"NanoVDB", "nvdb"},
 });
 
-/// The count of facets says how long the file is.
+/// The count of facets gives the length of the file.
 bool is_binary_stl(Bytes file) {
   constexpr std::size_t kHeader = 84, kFacet = 50;
   if (file.size() <= kHeader) return false;

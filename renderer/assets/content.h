@@ -1,4 +1,4 @@
-// What a file is by its bytes, whatever its name ends with. Called by load.cpp.
+// Format of a file by its bytes, whatever its name ends with. Called by load.cpp.
 #pragma once
 
 #include <deque>
@@ -10,7 +10,7 @@
 
 namespace heliograph::assets {
 
-/// The format of a model, as its files end: "ply", "glb", "stl"; "": these bytes do not say.
+/// The format of a model, as its files end: "ply", "glb", "stl"; "": these bytes do not show it.
 [[nodiscard]] std::string format_of_content(std::span<const std::byte> bytes);
 
 /// The files, those of UTF-16 with a byte order mark in UTF-8; `texts` holds these.

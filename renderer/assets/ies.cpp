@@ -48,7 +48,7 @@ class Numbers {
     if (!(number >= low)) refuse(where(), fmt::format("{} is {}, below {}", what, number, low));
     return number;
   }
-  /// How many of something follow; what remains of the file can hold them.
+  /// Number of things that follow; what remains of the file can hold them.
   [[nodiscard]] u32 count(std::string_view what) {
     const float number = next(what);
     if (!(number >= 1) || number != std::floor(number))
@@ -76,14 +76,14 @@ class Numbers {
   u64 line_ = 0;  // lines that ended
 };
 
-/// What a file says, its factors applied.
+/// Contents of a file, its factors applied.
 struct Profile {
   std::vector<float> vertical, horizontal;  // degrees, increasing
   std::vector<float> candela;               // vertical.size() for each horizontal angle
   std::vector<std::string> warnings;
 };
 
-/// Whether the number after the ballast factor is a factor, too; later versions use it otherwise.
+/// True if the number after the ballast factor is a factor, too; later versions use it otherwise.
 bool read_version(std::string_view line, const std::string& where) {
   if (line == "IESNA:LM-63-2002" || line == "IES:LM-63-2019") return false;
   if (line.starts_with("IES:") || line.starts_with("IESNA:")) {

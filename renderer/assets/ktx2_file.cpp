@@ -33,7 +33,7 @@ class Fields {
   const std::string& where_;
 };
 
-/// Of the first block of the descriptor.
+/// Format by the first block of the descriptor.
 Ktx2Format format_of(const Fields& descriptor) {
   constexpr u64 kPrimaries = 13, kTransfer = 14, kFlags = 15;
   return {.primaries = descriptor.at<u8>(kPrimaries),

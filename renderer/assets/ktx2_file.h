@@ -9,10 +9,10 @@
 
 namespace heliograph::assets {
 
-/// How a level is packed.
+/// Ways of packing a level.
 enum class Ktx2Scheme : u32 { kNone = 0, kBasisLz = 1, kZstandard = 2, kZlib = 3 };
 
-/// What a level's texels are, by the names of the Khronos Data Format Specification.
+/// Kind of a level's texels, by the names of the Khronos Data Format Specification.
 struct Ktx2Format {
   enum class Transfer : u8 { kUnspecified = 0, kLinear = 1, kSrgb = 2 };
   u8 primaries = 0;
@@ -22,7 +22,7 @@ struct Ktx2Format {
 
 /// Borrows the file.
 struct Ktx2File {
-  u32 vk_format = 0;  // VkFormat; 0: the descriptor says what it is
+  u32 vk_format = 0;  // VkFormat; 0: the descriptor gives it
   u32 width = 0, height = 0, depth = 0, layers = 0, faces = 0;
   Ktx2Scheme scheme = Ktx2Scheme::kNone;
   Bytes level;             // the largest

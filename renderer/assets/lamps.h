@@ -12,7 +12,7 @@ namespace heliograph::assets {
 
 inline constexpr float kSunAngle = 0.0093f;  // radians, our sun's angular diameter
 
-/// Of 1 cm.
+/// A light in the shape of a sphere of 1 cm.
 [[nodiscard]] Light small_sphere();
 
 /// Below an entity; the light shines along -Z there.
@@ -23,7 +23,7 @@ struct Place {
 /// An entity of its own, which camera and shadow rays do not meet and labels leave out.
 void put_light(Builder& builder, LightPatch light, const std::string& name, const Place& place);
 
-/// Of 1080 lines. yfov: radians, in (0, pi); aspect: width by height.
+/// A camera of 1080 lines. yfov: radians, in (0, pi); aspect: width by height.
 [[nodiscard]] Camera perspective_camera(double yfov, double aspect);
 /// Half of what is seen, metres.
 [[nodiscard]] Camera orthographic_camera(double xmag, double ymag);

@@ -38,7 +38,7 @@ void check_options(const LoadOptions& options) {
 struct Format {
   std::string_view name;
   void (*load)(Builder&);
-  /// What is taken for granted of its unit and axes; "": files say them, or cannot.
+  /// Unit and axes that are taken for granted; "": files state them, or cannot.
   std::string_view assumed = "";
 };
 constexpr std::string_view kUpZ = ": a unit was taken as 1 m, and +Z as up";
@@ -71,7 +71,7 @@ std::string format_of(const Builder& builder) {
 }
 bool is_gltf(const std::string& format) { return format == "gltf" || format == "glb"; }
 
-/// Of formats that say themselves what the numbers mean.
+/// Refuses axes and units for formats that state themselves what the numbers mean.
 void refuse_axes(const LoadOptions& options, const char* message) {
   if (options.up.empty() && options.units <= 0) return;
   refuse(options.up.empty() ? "units" : "up", message);
@@ -92,7 +92,7 @@ std::string model_formats() {
   return fmt::format("{}", fmt::join(kFormats | std::views::transform(&Format::name), ", "));
 }
 
-/// Of the request, whatever is in the file.
+/// Checks the request's options, whatever is in the file.
 void check_options_of(const std::string& format, const LoadOptions& options) {
   const bool is_model = format_named(format) != nullptr;
   if (is_model && !options.layer.empty()) refuse("layer", "is of pictures; a model has none");
@@ -107,7 +107,7 @@ void check_options_of(const std::string& format, const LoadOptions& options) {
   }
 }
 
-/// What the name says, or the bytes where they say something else.
+/// Format by the name, or by the bytes where they show another.
 std::string checked_format(Builder& builder) {
   const std::string named = format_of(builder);
   const std::string format = format_of_content(builder.bundle.model().bytes);

@@ -21,7 +21,7 @@ struct BundleFile {
   std::span<const std::byte> bytes;
 };
 
-/// What one load may decode to; more is RESOURCE_EXHAUSTED, before anything is allocated.
+/// Limits of what one load may decode to; more is RESOURCE_EXHAUSTED, before any allocation.
 struct LoadLimits {
   u64 bytes = 1ull << 30;     // of all arrays together
   u64 texels = 1ull << 27;    // of one picture
@@ -34,10 +34,10 @@ struct LoadLimits {
 
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
-  // "x", "y", "z": instead of what the file says, or its format's custom; "": these. glTF refuses
+  // "x", "y", "z": instead of what the file states, or its format's custom; "": these. glTF refuses
   // it.
   std::string up;
-  double units = 0;      // metres a unit, likewise; 0: what the file says, without that 1
+  double units = 0;      // metres a unit, likewise; 0: what the file states, without that 1
   std::string layer;     // of a lone picture with several; "": its colours
   std::string variant;   // of a glTF with KHR_materials_variants; "": its default
   bool surface = false;  // of a volume file: its level sets as a mesh, not as fog

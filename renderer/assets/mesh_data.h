@@ -58,7 +58,7 @@ struct VertexHash {
   }
 };
 
-/// Of length 1; 0 for what has no direction, a NaN too.
+/// Vector of length 1; 0 for what has no direction, a NaN too.
 [[nodiscard]] vec3 unit(const vec3& v);
 
 struct FinishedMesh {

@@ -17,7 +17,7 @@ namespace {
 constexpr u32 kNone = ~0u;
 constexpr u64 kMaxTriangles = ~0u / 3;  // whose corners have numbers of 32 bits
 
-/// How a triangle lies in the texture.
+/// Orientation of a triangle in the texture.
 enum class Side : i32 {
   kMirrored = -1,
   kEither = 0,  // no area there: it joins groups of both sides, and adds to none
@@ -42,7 +42,7 @@ Face face_of(const MeshData& mesh, const uvec3& t) {
   return area > 0 ? Face{along_u, Side::kUpright} : Face{-along_u, Side::kMirrored};
 }
 
-/// What corners must share to be of one vertex.
+/// Values that corners must share to be of one vertex.
 struct Vertex {
   vec3 position, normal;
   vec2 uv;
@@ -208,7 +208,7 @@ class Maker {
     }
   }
 
-  /// What a triangle adds at a corner: its direction in the plane of the normal, by its angle
+  /// Contribution of a triangle at a corner: its direction in the plane of the normal, by its angle
   /// there.
   [[nodiscard]] glm::dvec3 share(const Corner& corner) const {
     const float angle = angle_between(flattened(mesh_.positions[corner.next] - position_),

@@ -1,4 +1,4 @@
-// What a file of one mesh becomes: OBJ, PLY and STL. Parts of it serve COLLADA too.
+// Model that a file of one mesh becomes: OBJ, PLY and STL. Parts of it serve COLLADA too.
 #pragma once
 
 #include <span>
@@ -10,7 +10,7 @@
 
 namespace heliograph::assets {
 
-/// Of a part without a material.
+/// True for a part without a material.
 [[nodiscard]] inline bool is_nothing(const Ref& ref) {
   return std::holds_alternative<std::monostate>(ref);
 }
@@ -28,7 +28,7 @@ struct Model {
 void put_model(Builder& builder, Model model);
 
 /// f64 positions as f32 about `centre`, which is 0 unless f32 would lose more than 1e-5 of their
-/// extent, as with map coordinates; then a warning tells the centre.
+/// extent, as with map coordinates; then a warning states the centre.
 struct Centred {
   std::vector<vec3> positions;
   glm::dvec3 centre{0};
@@ -48,7 +48,7 @@ class White {
 /// Colours in [0, 1]. Those of 0 to 255 are scaled, and others above 1 cut off, with a warning.
 /// Returns whether they were of 0 to 255.
 bool clamp_colors(std::vector<vec4>& colors, Builder& builder);
-/// Of sRGB; alpha stays.
+/// Makes sRGB colours linear; alpha stays.
 void make_linear(std::vector<vec4>& colors);
 
 }  // namespace heliograph::assets

@@ -78,7 +78,7 @@ class Parser {
                               clean_text(trimmed(statement), 40)));
   }
 
-  /// What one option is followed by.
+  /// Reads what follows one option.
   void option(std::string_view name, std::string_view& rest, Map& out) {
     if (name == "-s") {
       out.scale = take_pair(rest, out.scale);

@@ -28,7 +28,7 @@ struct LateFace {
   std::string where;
 };
 
-/// Whether a line begins with "vn".
+/// True if a line begins with "vn".
 bool gives_normals(std::string_view text) {
   for (std::size_t at = text.find("vn"); at != text.npos; at = text.find("vn", at + 2)) {
     const bool starts = at == 0 || is_space(text[at - 1]);
@@ -116,7 +116,7 @@ class Reader {
     }
   }
 
-  /// Of a normal, a colour or a texture coordinate: 0 for what is not finite.
+  /// Reads a number of a normal, a colour or a texture coordinate: 0 for what is not finite.
   float number(std::string_view& rest) {
     std::string_view ahead = rest;
     if (!is_no_number(take_word(ahead))) return take_number(rest, "");

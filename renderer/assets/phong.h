@@ -9,8 +9,8 @@
 
 namespace heliograph::assets {
 
-/// Of a shininess (exponent), 0 or more. Source: Walter et al. 2007, "Microfacet Models for
-/// Refraction", section 5.2: alpha^2 = 2 / (exponent + 2).
+/// Roughness of a shininess (exponent), 0 or more. Source: Walter et al. 2007, "Microfacet Models
+/// for Refraction", section 5.2: alpha^2 = 2 / (exponent + 2).
 [[nodiscard]] inline float roughness_of(float shininess) {
   return std::pow(2 / (std::max(shininess, 0.0f) + 2), 0.25f);
 }

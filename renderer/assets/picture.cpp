@@ -67,13 +67,13 @@ void check_name(std::string_view name, std::string_view content,
       fmt::format("is named as {} and is {} by its content", in_words(named), in_words(content)));
 }
 
-/// Of a colour space or a profile; CMYK was converted.
+/// True for the name of a colour space or a profile that is sRGB; CMYK was converted.
 bool is_srgb(const std::string& name) {
   constexpr std::array kNames = {"sRGB", "srgb_rec709", "Rec709", "rec709", "CMYK"};
   return std::ranges::any_of(kNames, [&](const char* part) { return name.contains(part); });
 }
 
-/// Whether OpenImageIO says so.
+/// True if a message of OpenImageIO means that.
 bool is_too_large(const std::string& message) {
   return message.contains("limits:") || message.contains("may not exceed");
 }
@@ -140,7 +140,7 @@ class Reader {
   [[nodiscard]] double exposure() const {
     return is("hdr") ? radiance_header(source_.bytes).exposure : 1;
   }
-  /// Integers are sRGB unless the file says that they are linear.
+  /// Integers are sRGB unless the file states that they are linear.
   [[nodiscard]] bool srgb() {
     const std::string space = text("oiio:ColorSpace");
     const bool linear = space.starts_with("lin_") || space.contains("inear");

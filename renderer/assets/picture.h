@@ -28,14 +28,14 @@ struct Picture {
   std::vector<std::string> warnings;
 };
 
-/// Decodes the first picture of a file, at its full resolution. The content says what the format
+/// Decodes the first picture of a file, at its full resolution. The content decides what the format
 /// is; a name of another one is a warning.
 ///
 /// name   a file's extension, or a media type
 /// where  for messages
 /// layer  of a file with several: its name, that of a part, or of a channel; "": the colours
 ///
-/// Rows run from the top, as the file's orientation says. Alpha is straight: colours that were
+/// Rows run from the top, as the file's orientation has it. Alpha is straight: colours that were
 /// multiplied by it are divided. 8 and 16 bits, halves and floats stay, other numbers become floats
 /// (integers of full range 1); palettes, CMYK and 1 to 7 bits become 8 bits of grey or RGB.
 /// Infinite texels become the largest finite value and NaN 0, other primaries Rec.709's, each with
@@ -49,7 +49,7 @@ struct PictureSource {
   const std::string& where;
   Budget& budget;
 };
-/// Of an LM-63 file, for a light's profile.
+/// Decodes an LM-63 file, for a light's profile.
 [[nodiscard]] Picture decode_ies(const PictureSource& source);
 
 /// A picture being filled: storage for width * height * channels texels, zeroed, after the limits
@@ -69,7 +69,7 @@ struct Canvas {
   struct Free {
     void operator()(std::byte* bytes) const { std::free(bytes); }
   };
-  /// Of calloc(): large ones are new pages, which are zeros before anybody writes them.
+  /// Memory of calloc(): large blocks are new pages, which are zeros before anybody writes them.
   std::unique_ptr<std::byte, Free> owner_;
 };
 

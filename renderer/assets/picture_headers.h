@@ -1,4 +1,4 @@
-// What OpenImageIO does not say of a file's header. Used by picture.cpp.
+// Parts of a file's header that OpenImageIO does not report. Used by picture.cpp.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,7 @@
 
 namespace heliograph::assets {
 
-/// Of Radiance's .hdr: what the texels were multiplied by, and their primaries.
+/// Header of Radiance's .hdr: what the texels were multiplied by, and their primaries.
 struct RadianceHeader {
   double exposure = 1;
   std::optional<Chromaticities> primaries;

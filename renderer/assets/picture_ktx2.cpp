@@ -93,7 +93,7 @@ void unpack(const Ktx2File& file, std::span<std::byte> texels, const PictureSour
   if (read != size) refuse_broken(source, "its level does not hold its texels");
 }
 
-/// Luminance is R, and its alpha G, for writers that say so by KTXswizzle.
+/// Luminance is R, and its alpha G, for writers that state so by KTXswizzle.
 Names names_of(const Plain& plain, const Ktx2File& file, const std::string& where) {
   const auto found = file.values.find("KTXswizzle");
   const std::string swizzle = found == file.values.end() ? "" : found->second;
@@ -163,7 +163,7 @@ Texels basis_texels(const Ktx2File& file, const PictureSource& source) {
 
 // ---------------------------------------------------------------- what the numbers mean
 
-/// As EXIF numbers it: the second letter says where rows go, the first where columns go.
+/// As EXIF numbers it: the second letter is where rows go, the first where columns go.
 u32 orientation_of(const Ktx2File& file) {
   const auto found = file.values.find("KTXorientation");
   const std::string text = found == file.values.end() ? "rd" : found->second;

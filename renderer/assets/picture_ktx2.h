@@ -16,7 +16,7 @@ namespace heliograph::assets {
 ///
 /// layer  one channel, by its letter; "": the colours
 ///
-/// The data format descriptor says whether the numbers are sRGB and alpha is multiplied in;
+/// The data format descriptor states whether the numbers are sRGB and alpha is multiplied in;
 /// KTXorientation, where the first row lies. Arrays, cube maps, volumes, and formats that only GPUs
 /// read (BC, ETC2) are refused by name.
 [[nodiscard]] Picture decode_ktx2(const PictureSource& source, std::string_view layer);

@@ -1,4 +1,4 @@
-// What is done to the texels of a picture once they are read. Used by picture.cpp.
+// Changes to the texels of a picture once they are read. Used by picture.cpp.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace heliograph::assets {
 
-/// Where texels lie in a larger or smaller canvas.
+/// Place of texels in a larger or smaller canvas.
 struct Window {
   i32 x = 0, y = 0;  // of its first texel
 };
@@ -21,7 +21,7 @@ struct Window {
 /// Copies the part of `pixels` that lies in `canvas`; the rest stays as it is.
 void place(const Canvas& pixels, Window at, Canvas& canvas);
 
-/// Turns rows and columns to where an orientation of 2 to 8 (EXIF 2.3, tag 274) says they are seen.
+/// Turns rows and columns to where an orientation of 2 to 8 (EXIF 2.3, tag 274) has them seen.
 [[nodiscard]] Canvas upright(Canvas canvas, u32 orientation, const PictureSource& source);
 
 /// Divides colours by the alpha that they were multiplied by, the last channel; where it is 0 they

@@ -17,7 +17,7 @@ namespace {
 
 using namespace ply;
 
-/// What a property means: an index into a row of twelve numbers; -1: nothing to us.
+/// Meaning of a property: an index into a row of twelve numbers; -1: nothing to us.
 constexpr std::size_t kSlots = 12;
 constexpr int kNormal = 3, kUv = 6, kColor = 8, kAlpha = 11;
 using Row = std::array<double, kSlots>;
@@ -137,7 +137,7 @@ class Reader {
       builder_.warn("lines have more numbers than the header says: these are left out");
   }
 
-  /// Whether the file can hold an element, each at least a byte or character a property.
+  /// Refuses an element that the file cannot hold, each at least a byte or character per property.
   static void check_size(const Element& element, const Numbers& numbers) {
     if (!numbers.has(element.count, std::max<u64>(element.properties.size(), 1)))
       refuse("data", "the file is truncated");
@@ -355,7 +355,7 @@ std::vector<Ref> load_textures(Builder& builder, const Header& header) {
   return materials;
 }
 
-/// Those of faces, or of vertices. Beside a texture they would darken it: it has them in it.
+/// Finishes the colours of faces or vertices. A texture has them in it: beside it they are dropped.
 void finish_colors(Model& model, Builder& builder) {
   std::vector<vec4>& colors = model.mesh.colors;
   if (!colors.empty() && !model.materials.empty()) {

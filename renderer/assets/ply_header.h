@@ -47,7 +47,7 @@ class Numbers {
   u64 next_count(Type type);
   /// Leaves out what an ASCII line has beyond its element; whether there was any.
   bool end_element();
-  /// Whether `count` more of at least `bytes` each can be there.
+  /// True if `count` more of at least `bytes` each can be there.
   [[nodiscard]] bool has(u64 count, u64 bytes) const {
     return count <= rest_.size() / (bytes > 1 ? bytes : 1);
   }

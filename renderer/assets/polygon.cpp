@@ -27,7 +27,7 @@ std::vector<Point> flatten(std::span<const glm::dvec3> polygon) {
   return flat;
 }
 
-/// Whether no corner turns clockwise and it goes round once: a fan of it covers it.
+/// True if no corner turns clockwise and it goes round once: a fan of it covers it.
 bool is_convex(const std::vector<Point>& flat) {
   const std::size_t count = flat.size();
   u32 descents = 0;  // of x, as a cycle
@@ -52,8 +52,8 @@ class Grid {
       cells_[cell(points[i].x, 0) + side_ * cell(points[i].y, 1)].push_back(i);
   }
 
-  /// Whether any corner whose cell meets the box is one that `holds`. Those that `gone` tells are
-  /// dropped.
+  /// True if any corner whose cell meets the box is one that `holds`. Corners for which `gone` is
+  /// true are dropped.
   template <class Gone, class Holds>
   bool any(Point low, Point high, const Gone& gone, const Holds& holds) {
     for (u32 y = cell(low.y, 1); y <= cell(high.y, 1); ++y) {

@@ -17,7 +17,7 @@ namespace heliograph::assets {
 /// entity, with a warning that names it by `what`, and is taken as none.
 mat4x3 set_pose(PutEntity& put, const mat4x3& pose, const std::string& what, Builder& builder);
 
-/// Of length 1; one of length 0 turns nothing, with a warning.
+/// A rotation of length 1; one of length 0 turns nothing, with a warning.
 [[nodiscard]] quat unit_rotation(const quat& rotation, const std::string& where, Builder& builder);
 [[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);
 /// A pose that makes things flat gets a ten-thousandth of its longest axis across them: what is

@@ -23,7 +23,7 @@ struct Refused {
   throw Refused{Error{.code = code, .message = std::move(message), .where = std::move(where)}};
 }
 
-/// Of a field of LoadOptions.
+/// Refuses a field of LoadOptions.
 [[noreturn]] inline void refuse_option(std::string name, std::string message,
                                        Code code = Code::kInvalidArgument) {
   throw Refused{.error = {.code = code, .message = std::move(message), .where = std::move(name)},

@@ -50,7 +50,7 @@ bool is_ascii(std::span<const std::byte> bytes) {
   return lower(trimmed(text).substr(0, 5)) == "solid" && !has_controls(text);
 }
 
-/// As the header says, but for programs that leave the count at 0.
+/// As the header has it, but for programs that leave the count at 0.
 u64 count_facets(Builder& builder) {
   const auto bytes = builder.bundle.model().bytes;
   if (bytes.size() < kHeaderBytes || facets_of(bytes) > facets_in(bytes))

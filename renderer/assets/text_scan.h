@@ -92,7 +92,7 @@ template <class T>
   return float(take_double(text, where));
 }
 
-/// Whether a program wrote this word for a number that is none: nan, -nan(ind), inf, 1.#QNAN.
+/// True if a program wrote this word for a number that is none: nan, -nan(ind), inf, 1.#QNAN.
 [[nodiscard]] inline bool is_no_number(std::string_view word) {
   if (word.starts_with('-') || word.starts_with('+')) word.remove_prefix(1);
   const std::string start = lower(word.substr(0, 3));

@@ -33,7 +33,7 @@ std::size_t density_of(const VolumeFile& file, std::size_t temperature) {
   refuse("grids", "no grid of numbers could be the density; there are:" + names);
 }
 
-/// What it does not show of a grid.
+/// Warns of what it does not show of a grid.
 void warn_of(Builder& builder, const std::string& name, const FileGrid& read, float most) {
   if (read.look.level_set)
     builder.warn(fmt::format(

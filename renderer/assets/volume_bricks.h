@@ -14,7 +14,7 @@
 
 namespace heliograph::assets {
 
-/// Of a value of either library: a number, or a vector of three.
+/// Channels of a value of either library: a number, or a vector of three.
 template <class Value>
 constexpr u32 kChannelsOf = requires(Value value) { value[0]; } ? 3 : 1;
 template <class Value>
@@ -34,7 +34,7 @@ void write_leaf(const void* node, float* out) {
     std::copy_n(components(leaf.getValue(i)).data(), kChannels, out + i * kChannels);
 }
 
-/// What values mean, and where they lie.
+/// Meaning of a grid's values, and their place.
 struct GridLook {
   u32 channels = 1;
   bool level_set = false;

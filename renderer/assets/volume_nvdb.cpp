@@ -1,4 +1,4 @@
-// .nvdb through NanoVDB's headers. They trust what a file says of places within it, so a tree is
+// .nvdb through NanoVDB's headers. They trust a file's places within it, so a tree is
 // walked here, each node checked to be inside of its grid; what a node holds, they read.
 #include <nanovdb/NanoVDB.h>
 #include <nanovdb/util/GridHandle.h>

@@ -58,7 +58,7 @@ void use_bricks_of(const GridType& grid, const std::string& name, Budget& budget
   use(bricks, std::is_same_v<Value, float> ? copy_leaf : write_leaf<Leaf>);
 }
 
-/// What a frustum covers, in voxels as large as those in the middle of what is active.
+/// Box that a frustum covers, in voxels as large as those in the middle of what is active.
 struct Box {
   vdb::math::Transform::Ptr transform;
   vdb::CoordBBox bricks;

@@ -7,12 +7,12 @@
 
 namespace heliograph::assets {
 
-/// What a volume can show: scalars and vectors of three.
+/// Types of grids that a volume can show: scalars and vectors of three.
 using ShownGrids = openvdb::TypeList<openvdb::FloatGrid, openvdb::DoubleGrid, openvdb::Int32Grid,
                                      openvdb::Int64Grid, openvdb::BoolGrid, openvdb::MaskGrid,
                                      openvdb::Vec3SGrid, openvdb::Vec3DGrid, openvdb::Vec3IGrid>;
 
-/// Of one of ShownGrids: 1 or 3.
+/// Number of channels of one of ShownGrids: 1 or 3.
 [[nodiscard]] u32 channels_of(const openvdb::GridBase& grid);
 
 /// Calls with the bricks of one of ShownGrids. A frustum becomes a box of voxels as large as those

@@ -1,4 +1,4 @@
-// .vdb through OpenVDB. docs/decisions/048 says which part of it is linked.
+// .vdb through OpenVDB. docs/decisions/048 names the part of it that is linked.
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/io.h>
@@ -43,7 +43,7 @@ void register_types() {
   });
 }
 
-/// What no volume shows, and what to do about it.
+/// Values that no volume shows, and what to do about them.
 std::string why_not(std::string_view type) {
   if (type.find("ptdataidx") != type.npos || type.find("ptidx") != type.npos)
     return "points: turn them into a density in the program that wrote them";
@@ -92,7 +92,7 @@ class VdbFile final : public VolumeFile, private vdb::io::Archive {
     return count;
   }
 
-  /// A stream is read as it comes: it does not say where its grids end.
+  /// A stream is read as it comes: nothing in it marks where its grids end.
   void add_entry() {
     vdb::io::GridDescriptor& at = descriptors_.emplace_back();
     guarded("header", [&] { add_descriptor(at); });
@@ -125,7 +125,7 @@ class VdbFile final : public VolumeFile, private vdb::io::Archive {
     has_instances_ |= at.isInstance();
   }
 
-  /// What the library leaves unread of a grid whose type it does not know.
+  /// Skips what the library leaves unread of a grid whose type it does not know.
   void skip_offsets(vdb::io::GridDescriptor& at) {
     std::array<i64, 3> offsets{};
     stream_.read(reinterpret_cast<char*>(offsets.data()), sizeof offsets);

@@ -19,7 +19,7 @@ namespace heliograph {
 /// content: equal serials mean equal bytes, so derived data is cached by it.
 class Buffer {
  public:
-  /// Whether who needs a part of it may hold all: of a pool of bounded size.
+  /// Kinds of memory. kPooled: of a pool of bounded size, so that who needs a part may hold all.
   enum class Kind : u8 { kAny, kPooled };
   Buffer(std::shared_ptr<const void> owner, std::span<const std::byte> bytes,
          Kind kind = Kind::kAny)

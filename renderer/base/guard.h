@@ -1,4 +1,4 @@
-// What becomes of memory that runs out, and of faults of libraries. Used by the engine.
+// Handling of memory that runs out, and of faults of libraries. Used by the engine.
 #pragma once
 
 #include <exception>

@@ -77,7 +77,7 @@ kernels::BvhBox mesh_box(const Placement& placement, u32 slot) {
   return {box.lower, box.upper};
 }
 
-/// Where the instance of a slot is. Of what does not move that takes no instance.
+/// Box of the instance of a slot. For what does not move it takes no instance.
 Box box_of(const Placement& placement, u32 slot) {
   const kernels::SlotView& view = placement.slots[slot];
   const kernels::MotionKey* keys = placement.motion_keys.data();
@@ -87,7 +87,7 @@ Box box_of(const Placement& placement, u32 slot) {
   return of(kernels::placed_box(mesh, kernels::usable_pose(world) ? world : mat4x3(1)));
 }
 
-/// Where rays look for each slot.
+/// Boxes in which rays look for each slot.
 std::vector<Box> ray_boxes(const Placement& placement) {
   const auto& instances = placement.instances();
   std::vector<Box> boxes(instances.size());

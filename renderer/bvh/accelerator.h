@@ -62,7 +62,7 @@ class BvhScene final : public resident::SceneAccelerator {
   [[nodiscard]] const BvhTop& world(const resident::Placement& placement) const;
   /// For rays within one instance, without a tree: in the order of slots.
   [[nodiscard]] const BvhTop& objects(const resident::Placement& placement) const;
-  /// Of one of the two. Lifetime: of the placement.
+  /// View of one of the two. Lifetime: of the placement.
   [[nodiscard]] kernels::BvhView view(const BvhTop& top) const;
 
  private:
@@ -102,7 +102,7 @@ class BvhAccelerator final : public resident::Accelerator {
   return static_cast<const BvhScene*>(placement.accelerator.get());
 }
 
-// What a BvhTracer reads of a placement besides the SceneView: BvhScene's two, or nothing where
+// Parts of a placement that a BvhTracer reads besides the SceneView: BvhScene's two, or nothing if
 // there are no instances. Lifetime: of the placement.
 [[nodiscard]] kernels::BvhView world_view(const resident::Placement& placement);
 [[nodiscard]] kernels::BvhView objects_view(const resident::Placement& placement);

@@ -60,7 +60,7 @@ struct Binning {
   }
 };
 
-/// What falls into each bin; those not in use have no values.
+/// Contents of each bin; those not in use have no values.
 struct Bins {
   explicit Bins(u32 count) : used(count) {
     const LaneBox none;

@@ -59,7 +59,7 @@ struct BinaryTree {
 /// No binary tree is higher.
 inline constexpr u32 kMostHeight = 48;
 
-/// Fails as the interrupt says.
+/// Fails as the interrupt does.
 [[nodiscard]] Expected<BinaryTree> build_binary(std::span<const Box> boxes,
                                                 const TreeOptions& options,
                                                 const Interrupt& interrupt);

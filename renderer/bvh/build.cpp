@@ -39,7 +39,7 @@ class Widener {
   std::vector<Pending> pending_;
 };
 
-/// What the plan makes of a subtree that stands for at most so many children.
+/// Gathers what the plan makes of a subtree that stands for at most so many children.
 void Widener::gather(u32 node, u32 roots, Children& out) const {
   const BinaryNode& n = binary_.nodes[node];
   roots = n.splits() ? kernels::planned_roots(n.plan, roots) : 1;

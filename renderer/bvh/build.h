@@ -23,7 +23,7 @@ struct TreeOptions {
 };
 
 /// Splits by the surface area heuristic. The tree is a function of the boxes alone, whatever the
-/// threads, and no deeper than kernels::kBvhDepth. Boxes are finite. Fails as the interrupt says.
+/// threads, and no deeper than kernels::kBvhDepth. Boxes are finite. Fails as the interrupt does.
 ///
 /// Source: Wald 2007, "On Fast Construction of SAH-Based Bounding Volume Hierarchies", sections 3
 /// and 4; Ylitie, Karras and Laine 2017, sections 3 and 4.

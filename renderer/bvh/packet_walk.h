@@ -75,15 +75,15 @@ inline Floats inverse_of(const Floats& d) {
   return 1 / Floats(Ints(greater(size, least)) | sign);
 }
 
-/// Whether rays of object space, their directions of any length, meet a mesh. Answers for each as
-/// kernels::BvhTracer::meets() does, but the rays go down the tree together: children are tested
+/// Test of whether rays of object space, of directions of any length, meet a mesh. Answers for each
+/// as kernels::BvhTracer::meets(), but the rays go down the tree together: children are tested
 /// eight at a time against the bounds of all rays, then one by one against eight rays at a time.
 ///
 /// Source: Wald, Boulos and Shirley 2007, "Ray Tracing Deformable Scenes Using Dynamic Bounding
 /// Volume Hierarchies", ACM TOG 26(1), section 4.
 class PacketWalk {
  public:
-  /// Whether the rays that are asked for go along the same axis more than along the others: others
+  /// True if the rays that are asked for go along the same axis more than along the others: others
   /// do not go together.
   static bool go_together(const host::RayPacket& rays, u32 lanes);
   PacketWalk(const host::RayPacket& rays, u32 lanes);

@@ -8,7 +8,7 @@
 
 namespace heliograph::bvh {
 
-/// What rays go through.
+/// Scene and tree that rays go through.
 struct TracedViews {
   const kernels::SceneView* scene;
   const kernels::BvhView* bvh;

@@ -1,4 +1,4 @@
-// Entities that say they are static as one tree over their triangles in world space. Called by
+// Entities that are marked as static as one tree over their triangles in world space. Called by
 // accelerator.cpp.
 #pragma once
 
@@ -33,7 +33,7 @@ class StaticTrees {
   /// most_triangles   of a tree
   explicit StaticTrees(u64 most_triangles);
 
-  /// Null without members. Fails as the interrupt says.
+  /// Null without members. Fails as the interrupt does.
   ///
   /// before   the group of the placement before, or null
   [[nodiscard]] Expected<std::shared_ptr<const StaticGroup>> group(

@@ -29,7 +29,7 @@ enum class Derived : u64 {
   kStrands
 };
 
-/// What a piece of derived data is a pure function of.
+/// Inputs that a piece of derived data is a pure function of.
 struct DerivedKey {
   Derived kind;
   std::array<u64, 5> from{};

@@ -37,7 +37,7 @@ class FlatRows {
     };
     return {first, give_back};
   }
-  /// Of what nobody uses now.
+  /// Bytes of what nobody uses now.
   [[nodiscard]] u64 bytes() const { return shared_->bytes(); }
 
  private:

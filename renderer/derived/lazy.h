@@ -1,4 +1,4 @@
-// What most scenes are never asked for.
+// Values that most scenes are never asked for.
 #pragma once
 
 #include <atomic>

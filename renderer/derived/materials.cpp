@@ -108,7 +108,7 @@ std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot, Derive
 
 DerivedKey key_of(Derived kind, const Texture& texture) {
   const ImageData& image = *texture.image;
-  // With its number of bytes this says its height.
+  // With its number of bytes this gives its height.
   const u64 layout = u64(image.width) | u64(image.channels) << 32 | u64(image.type) << 40;
   return {kind, {image.texels->serial(), layout, texture.srgb, texture.nearest}};
 }

@@ -19,7 +19,7 @@ struct Mips {
 [[nodiscard]] std::shared_ptr<const Mips> mips_of(const Texture& texture,
                                                   const kernels::TextureView& view,
                                                   DerivedCache& cache);
-/// Whether mips_of() would have to make them.
+/// True if mips_of() would have to make them.
 [[nodiscard]] bool needs_mips(const Texture& texture, const DerivedCache& cache);
 
 }  // namespace heliograph::resident

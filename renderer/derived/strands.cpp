@@ -12,7 +12,7 @@ glm::dvec3 any_across(const glm::dvec3& axis) {
   return glm::normalize(glm::cross(axis, along_z ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1)));
 }
 
-/// What turns the unit vector `from` to `to` by the shortest way, applied to a vector across it.
+/// Turn from the unit vector `from` to `to` by the shortest way, applied to a vector across it.
 glm::dvec3 turned(const glm::dvec3& across, const glm::dvec3& from, const glm::dvec3& to) {
   const double opposite = 1 + glm::dot(from, to);
   if (!(opposite > 1e-12)) return across;

@@ -1,4 +1,4 @@
-// What is computed once from the points of strands. Called by renderer/placement.
+// Data computed once from the points of strands. Called by renderer/placement.
 #pragma once
 
 #include "renderer/derived/derived_cache.h"
@@ -6,7 +6,7 @@
 
 namespace heliograph::resident {
 
-/// Of the strands of a mesh at rest, by point.
+/// Points and texture coordinates of the strands of a mesh at rest, by point.
 struct Strands {
   ArrayOf<vec4> points;  // as kernels::MeshView has them
   ArrayOf<vec2> uvs;     // the share of its strand's length; v is 0

@@ -1,5 +1,5 @@
-// What a device must do: a backend implements SceneSource, HostAnswers and Backend, and has films
-// of its own. Calls come from the one thread that owns the device, unless they say so.
+// Requirements on a device: a backend implements SceneSource, HostAnswers and Backend, and has
+// films of its own. Calls come from the one thread that owns the device, unless stated otherwise.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +31,7 @@ class DeviceScene {
   [[nodiscard]] virtual SceneSummary summary() const = 0;
 };
 
-/// What is to be resident.
+/// Scene that is to be resident.
 struct SceneAt {
   std::shared_ptr<const Snapshot> snapshot;
   TimeSpan span;
@@ -63,7 +63,7 @@ struct TileRun {
   u32 count = 0;
 };
 
-/// What the samples of a run have added up to: the film's sums of these pixels, array after array.
+/// Sums of the samples of a run: the film's of these pixels, array after array.
 struct FilmPart {
   TileRun tiles;
   u32 samples = 0;     // that each tile has
@@ -78,7 +78,7 @@ struct WaitingJobs {
   std::atomic<u32> fresh = 0;  // those that may be short, one for each scene
 };
 
-/// How long a job has a device.
+/// Time for which a job has a device.
 struct Slice {
   TimePoint soon;                        // where a fresh job waits
   TimePoint end;                         // where another one waits
@@ -114,12 +114,12 @@ class Film {
   [[nodiscard]] virtual u32 tiles_across() const = 0;     // of one
   [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
   [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
-  /// Share of the range that was left half way, as far as the device tells; 0 where none was.
+  /// Share of the range that was left half way, as far as the device reports; 0 where none was.
   [[nodiscard]] virtual double share_of_range() const { return 0; }
   /// From the variance of a film of one picture, which its job asked for (measures_noise); needs 2
   /// samples per pixel.
   [[nodiscard]] virtual Noise noise() const = 0;
-  /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
+  /// Takes what a film of one picture has of a run whose tiles have the same samples. `rays` and
   /// `seconds` are left to the caller.
   [[nodiscard]] virtual Expected<FilmPart> take(const TileRun& tiles) = 0;
   /// Sets what the film of the same job, or of one with fewer centre planes, had on another device
@@ -127,7 +127,7 @@ class Film {
   [[nodiscard]] virtual Status put(const FilmPart& part) = 0;
 };
 
-/// What a device is.
+/// Description of a device.
 struct DeviceInfo {
   std::string_view name;  // of its backend: "embree"
   /// Feature level of the kernels and of the ray tracer, for the manifest: "x86-64-v3, embree
@@ -136,14 +136,14 @@ struct DeviceInfo {
   // One film has as many pictures as make up so many pixels, at least one and at most so many.
   u64 film_pixels = 0;
   u32 film_pictures = 1;
-  /// Whether labels(), query() and resolve() may be called by any thread.
+  /// True if labels(), query() and resolve() may be called by any thread.
   bool finishes_elsewhere = false;
-  /// Of the device's memory, called from the device's thread; what it made may be destroyed by any.
+  /// Source of the device's memory, called from its thread; what it made may be destroyed by any.
   /// Null where the device's memory is the host's, and on_device means nothing.
   std::shared_ptr<SharedMemorySource> shared_memory = nullptr;
 };
 
-/// What a device holds, and has done since it was opened.
+/// Holdings of a device, and its work since it was opened.
 struct DeviceUse {
   u64 derived_bytes = 0;      // resident now
   u64 scenes_made_again = 0;  // as there had been no room to keep them
@@ -157,7 +157,7 @@ struct DeviceUse {
 class SceneSource {
  public:
   virtual ~SceneSource() = default;
-  /// What prepare() would have to make. Quick.
+  /// Returns what prepare() would have to make. Quick.
   [[nodiscard]] virtual Preparation preparation(const SceneAt& scene) const = 0;
   /// Makes scenes, in their order, from what the nearest ones that are there have in common with
   /// them.
@@ -165,7 +165,7 @@ class SceneSource {
                                                        const Interrupt& interrupt) = 0;
 };
 
-/// What the host answers about scenes, by the threads of the caller's arena. Thread: the device's,
+/// Answers of the host about scenes, by the threads of the caller's arena. Thread: the device's,
 /// or any (DeviceInfo::finishes_elsewhere).
 class HostAnswers {
  public:
@@ -186,7 +186,7 @@ class Backend : public SceneSource, public HostAnswers {
   [[nodiscard]] virtual DeviceUse use() const = 0;
   /// f() and its parallel parts, by the threads that the device has on the host. Thread: any.
   virtual void run(const std::function<void()>& f) = 0;
-  /// shots   as many as DeviceInfo says, whose jobs differ in their snapshots and seeds alone, and
+  /// shots   as many as DeviceInfo has, whose jobs differ in their snapshots and seeds alone, and
   ///         whose pictures have one size. Thread: any; a film may be destroyed by any
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) = 0;
   /// Traces the mean planes' samples of a range. Returns whether it is done: the slice may be over
@@ -203,7 +203,7 @@ class Backend : public SceneSource, public HostAnswers {
   /// job that is on_device those it asks for lie in the device's memory and are complete: nobody
   /// need wait for the device. By the threads of the caller's arena; thread: as HostAnswers.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
-  /// Who makes the plane DENOISED in resolve(), on the device, for the manifest; empty: nobody
+  /// Maker of the plane DENOISED in resolve(), on the device, for the manifest; empty: nobody
   /// there, so the engine makes it on the host, from the planes that it is computed from. Fails
   /// with UNIMPLEMENTED and why where the device should and cannot: then the engine does for a job
   /// that is not on_device.
@@ -213,12 +213,12 @@ class Backend : public SceneSource, public HostAnswers {
   virtual void abandon() {}
 };
 
-/// How many pictures of so many pixels one film may have.
+/// Number of pictures of so many pixels that one film may have.
 [[nodiscard]] inline u32 pictures_at_once(const DeviceInfo& device, u64 pixels) {
   return u32(std::clamp<u64>(device.film_pixels / pixels, 1, device.film_pictures));
 }
 
-/// What f() returns, by the threads that a device has on the host.
+/// Returns f(), run by the threads that a device has on the host.
 template <class F>
 [[nodiscard]] auto run_on(Backend& device, const F& f) {
   std::optional<decltype(f())> made;
@@ -239,13 +239,13 @@ struct BackendOptions {
 /// FAILED_PRECONDITION: there is none in this process any more (needs_new_process()).
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
                                                               const BackendOptions& options);
-/// Whether make_backend() fails like this for as long as this process lives, while another one may
+/// True if make_backend() fails like this for as long as this process lives, while another one may
 /// have the device at once.
 [[nodiscard]] inline bool needs_new_process(const Error& error) {
   return error.code == Code::kFailedPrecondition;
 }
 [[nodiscard]] std::vector<std::string_view> backend_names();
-/// How many devices a backend finds. Fails like make_backend().
+/// Number of devices that a backend finds. Fails like make_backend().
 [[nodiscard]] Expected<u32> device_count(std::string_view name);
 
 }  // namespace heliograph

@@ -18,7 +18,7 @@ struct Errand {
   Run run;
 };
 
-/// What is to be made of a scene before a device shows it.
+/// Work on a scene before a device shows it.
 struct Preparation {
   std::vector<Errand> pieces;  // derived data of its assets
   double seconds = 0;          // of a core, about: all else

@@ -20,7 +20,7 @@ namespace {
 
 using kernels::Fold;
 
-/// Whether a job asks for a plane that is read from this part, or for one computed from it.
+/// True if a job asks for a plane that is read from this part, or for one computed from it.
 template <class Part>
 bool wants(const RenderJob& job) {
   return (wanted_planes(job) & kernels::planes_from<Part>()) != 0;
@@ -144,8 +144,8 @@ bool has_keypoints(const Snapshot& snapshot) {
   return any;
 }
 
-/// What a camera whose pixels have rays of their own cannot tell, as it does not know where it sees
-/// a point.
+/// Refuses answers that a camera whose pixels have rays of their own cannot give, as it does not
+/// know where it sees a point.
 Status check_ray_tables(const RenderJob& job) {
   using kernels::planes_from;
   const PlaneSet flow =
@@ -174,8 +174,8 @@ Status check_ray_tables(const RenderJob& job) {
   return {};
 }
 
-/// Whether a camera and the second camera of disparity show a point in the same row: the same way
-/// of looking to 1e-4 radians, side by side, the same rows.
+/// Refuses a camera unless it and the second camera of disparity show a point in the same row: the
+/// same way of looking to 1e-4 radians, side by side, the same rows.
 Status check_rectified(const RenderJob& job, EntityId first) {
   const auto image_of = [&](EntityId id) {
     const uvec2 size = rendered_size(job, id);

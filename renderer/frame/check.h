@@ -1,4 +1,4 @@
-// What a job needs of its snapshot, checked before it is queued. Called by Engine::submit.
+// Requirements of a job on its snapshot, checked before it is queued. Called by Engine::submit.
 #pragma once
 
 #include "renderer/base/error.h"
@@ -20,22 +20,22 @@ struct JobLimits {
 /// field of RenderRequest.
 [[nodiscard]] Status check_job(const RenderJob& job, const JobLimits& limits);
 
-/// When labels and centre planes are taken; with a rolling shutter those of the first row.
+/// Time of labels and centre planes; with a rolling shutter those of the first row.
 [[nodiscard]] Time label_time(const RenderJob& job);
-/// Seconds between the label time and the other end of flow: what it says, or else the length of
+/// Seconds between the label time and the other end of flow: the job's, or else the length of
 /// the last advance; 0 when there is none.
 [[nodiscard]] double flow_interval(const RenderJob& job);
 [[nodiscard]] bool wants_forward(const RenderJob& job);
 [[nodiscard]] bool wants_backward(const RenderJob& job);
 [[nodiscard]] bool wants_samples(const RenderJob& job);  // some plane averages samples
-/// Whether some plane but beauty_still does.
+/// True if some plane but beauty_still does.
 [[nodiscard]] bool wants_open_shutter(const RenderJob& job);
 [[nodiscard]] bool wants_label_columns(const RenderJob& job);
-/// Whether the film keeps second moments: for the plane `variance` or to stop by noise.
+/// True if the film keeps second moments: for the plane `variance` or to stop by noise.
 [[nodiscard]] bool measures_noise(const RenderJob& job);
-/// Whether anything is seen at the label time: labels, centre planes, beauty_still.
+/// True if anything is seen at the label time: labels, centre planes, beauty_still.
 [[nodiscard]] bool wants_still(const RenderJob& job);
-/// Whether any centre plane is wanted, by the job or by its labels.
+/// True if any centre plane is wanted, by the job or by its labels.
 [[nodiscard]] bool wants_probe(const RenderJob& job);
 /// The rendered size of a camera that check_job() has accepted.
 [[nodiscard]] uvec2 rendered_size(const RenderJob& job, EntityId camera);

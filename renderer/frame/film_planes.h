@@ -12,17 +12,17 @@ using kernels::PlaneSet;
 inline constexpr PlaneSet kSampledPlanes =
     kernels::planes_of(kernels::Fold::kMean) | kernels::planes_of(kernels::Fold::kFilm);
 
-/// Whether a plane is made of samples, or computed from one that is.
+/// True if a plane is made of samples, or computed from one that is.
 [[nodiscard]] bool is_averaged(Plane plane);
 /// The planes that a job asks for, and those that its post planes are computed from.
 [[nodiscard]] PlaneSet wanted_planes(const RenderJob& job);
 
-/// Whether a job asks for a post plane.
+/// True if a job asks for a post plane.
 [[nodiscard]] bool wants_post(const RenderJob& job);
 /// The planes that a backend makes for a job: those it asks for that are no post planes, in its
 /// order, then what the post planes are computed from.
 [[nodiscard]] std::vector<Plane> film_planes(const RenderJob& job);
-/// Whether anybody but DENOISED reads a plane of film_planes(): the job's reader, or another post
+/// True if anybody but DENOISED reads a plane of film_planes(): the job's reader, or another post
 /// plane.
 [[nodiscard]] bool is_read_beside(const RenderJob& job, Plane film_plane);
 

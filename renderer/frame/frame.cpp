@@ -1,4 +1,4 @@
-// What is known of planes and types, derived from HELIO_PLANES.
+// Facts of planes and types, derived from HELIO_PLANES.
 #include "renderer/frame/frame.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// What a job gives back: planes and label columns, immutable.
+// Result of a job: planes and label columns, immutable.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,7 @@ constexpr DType dtype_of() {
   if constexpr (std::is_same_v<T, double>) return DType::kF64;
 }
 
-/// What clients are told about a plane; derived from HELIO_PLANES.
+/// Description of a plane as sent to clients; derived from HELIO_PLANES.
 struct PlaneInfo {
   const char* name;  // lower case
   DType dtype;
@@ -48,14 +48,14 @@ struct PlaneData {
   Plane plane{};
   Pixels pixels;
 };
-/// Of a job's plane of so many pixels; not initialised. What the job asked for goes where its
+/// A plane of a job, of so many pixels; not initialised. What the job asked for goes where its
 /// reader has it.
 [[nodiscard]] PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels);
 /// The same in the device's memory, of a job that wants its planes there. RESOURCE_EXHAUSTED when
 /// there is none.
 [[nodiscard]] Expected<PlaneData> new_device_plane(const RenderJob& job, Plane plane, u64 pixels);
 
-/// What the pictures of a frame of worlds differ in; of R worlds and C cameras.
+/// Differences of the pictures of a frame of worlds; of R worlds and C cameras.
 struct WorldPictures {
   std::vector<u32> worlds;                       // R, ascending
   std::vector<u64> seeds;                        // R
@@ -90,7 +90,7 @@ struct Frame {
   double noise = std::numeric_limits<double>::quiet_NaN();  // mean relative standard error
   u64 tile_rounds = 0;                                      // of an adaptive frame
   // Null: one picture. Otherwise planes are (R, C, height, width, channels), labels those of all
-  // pictures, and camera, shutter, k and camera_from_world_cv say nothing.
+  // pictures, and camera, shutter, k and camera_from_world_cv mean nothing.
   std::shared_ptr<const WorldPictures> worlds;
 };
 

@@ -1,5 +1,5 @@
-// What is known of a frame before it is rendered. Called by the runner, and by who writes about
-// frames while they are rendered.
+// Facts of a frame that are known before it is rendered. Called by the runner, and by who writes
+// about frames while they are rendered.
 #pragma once
 
 #include "renderer/frame/frame.h"
@@ -12,7 +12,7 @@ namespace heliograph {
 /// camera   index over the job's cameras
 [[nodiscard]] ImageCamera image_of(const RenderJob& job, u32 camera);
 
-/// The frame of a job's camera without what rendering tells: pixels, labels, samples, noise.
+/// The frame of a job's camera without what rendering finds: pixels, labels, samples, noise.
 [[nodiscard]] Frame frame_header(const RenderJob& job, u32 camera);
 
 }  // namespace heliograph

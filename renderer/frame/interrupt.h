@@ -11,7 +11,7 @@ namespace heliograph {
 
 using TimePoint = std::chrono::steady_clock::time_point;
 
-/// When to give up. Checked between pieces of work of at most some milliseconds.
+/// Conditions for giving up. Checked between pieces of work of at most some milliseconds.
 struct Interrupt {
   std::stop_token stop;
   std::optional<TimePoint> deadline;

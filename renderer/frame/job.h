@@ -1,4 +1,4 @@
-// What to render: a snapshot (an overlay is already applied to it), cameras, planes, a stop rule.
+// Request to render: a snapshot (overlays already applied to it), cameras, planes, a stop rule.
 #pragma once
 
 #include <chrono>
@@ -36,7 +36,7 @@ struct StopRule {
   u64 tile_rounds = 0;  // adaptive; 0: not set
 };
 
-/// Who asks, and how urgently: decides when work runs, never what it gives.
+/// Client that asks, and its urgency: decides when work runs, never what it gives.
 struct Origin {
   u64 tenant = 0;
   double weight = 1;  // of the tenant

@@ -76,7 +76,7 @@ std::array<vec3, 8> corners(const RestBox& box) {
   return out;
 }
 
-/// Who the instances are: names, classes, attributes.
+/// Identities of the instances: names, classes, attributes.
 void add_identity(const LabelInputs& in, std::vector<Column>& columns) {
   Rows<u32> label("label", {}), category("category", {});
   Rows<u64> entity("entity", {});

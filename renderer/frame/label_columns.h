@@ -61,7 +61,7 @@ struct KeypointLabel {
   State state = State::kOutside;
 };
 
-/// What the columns are made from. Spans by row follow Labelling::instances.
+/// Inputs of the columns. Spans by row follow Labelling::instances.
 struct LabelInputs {
   const Snapshot& snapshot;
   const Labelling& labelling;

@@ -14,7 +14,7 @@ namespace heliograph {
 /// gone when it returns.
 using TakePiece = std::function<void(u64 begin, std::span<const std::byte> piece)>;
 
-/// What a device is to make of numbers, and to find right with them.
+/// Kinds of numbers that a device is to make, and to find right.
 enum class Numbers : u8 {
   kFloats,    // f32 as they are: finite
   kPoses,     // row-major 4x4 matrices to mat4x3: take_affine() and plainly_invertible()

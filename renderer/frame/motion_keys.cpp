@@ -53,7 +53,7 @@ class Sampled {
     if (!keys_[i]) keys_[i] = motion_key(poses_(span_.at(double(i) / segments_)));
     return *keys_[i];
   }
-  /// Whether the keys about u in (0, 1) give the pose there.
+  /// True if the keys about u in (0, 1) give the pose there.
   [[nodiscard]] bool fits(double u, const MotionTolerance& tolerance) {
     const u32 i = std::min(u32(u * segments_), segments_ - 1);
     if (std::abs(glm::dot(key(i).rotation, key(i + 1).rotation)) < kCosHalfTurn) return false;

@@ -10,8 +10,8 @@
 
 namespace heliograph {
 
-/// What keys may differ from the motion they stand for: by `metres` at the corners of a box in the
-/// entity's space, and by `radians` of its axes. Where as many keys as may be do not reach it, the
+/// Largest error of keys against the motion they stand for: `metres` at the corners of a box in the
+/// entity's space, and `radians` of its axes. Where as many keys as may be do not reach it, the
 /// difference is larger.
 struct MotionTolerance {
   vec3 lower{0}, upper{0};
@@ -29,7 +29,7 @@ inline constexpr u32 kMostVertexSegments = 32;
 
 [[nodiscard]] kernels::MotionKey motion_key(const mat4x3& world);
 
-/// What an entity shows: a mesh within a box of its own space, scaled before the entity's pose.
+/// Mesh that an entity shows, within a box of its own space, scaled before the entity's pose.
 struct ShownBox {
   vec3 scale;
   vec3 lower, upper;

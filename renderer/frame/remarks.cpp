@@ -21,7 +21,7 @@ const PlaneData* plane_of(const Frame& frame, Plane plane) {
   return found == frame.planes.end() || found->pixels.size() == 0 ? nullptr : &*found;
 }
 
-/// Whether a picture of f32 or f16 is black all over. channels: 3, or 4 with an alpha
+/// True if a picture of f32 or f16 is black all over. channels: 3, or 4 with an alpha
 bool is_black(const Pixels& pixels, u64 count, u64 channels) {
   const std::size_t channel = pixels.size() / (channels * count);
   for (u64 i = 0; i < count; ++i) {
@@ -50,9 +50,9 @@ std::string about_idle(const Snapshot& snapshot, std::span<const u32> idle) {
       named(snapshot, strong));
 }
 
-/// Why nothing in a scene gives off light.
+/// Reason why nothing in a scene gives off light.
 ///
-/// idle   lights that are told of by themselves, ascending
+/// idle   lights that have remarks of their own, ascending
 std::string why_dark(const Snapshot& snapshot, std::span<const u32> idle) {
   std::vector<u32> weak, hidden;
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
@@ -73,7 +73,7 @@ std::string why_dark(const Snapshot& snapshot, std::span<const u32> idle) {
 constexpr const char* kBehind =
     "all of the scene is behind the camera, which looks along its -Z axis; hg.look_at() aims it";
 
-/// Whether a mesh is behind a camera as far as some hundreds of its vertices tell.
+/// True if a mesh is behind a camera as far as some hundreds of its vertices show.
 bool is_behind(const Mesh& mesh, const mat4x3& world, const mat4x3& camera) {
   constexpr std::size_t kLooked = 256;
   const auto positions = mesh.vertices->positions.span();
@@ -83,7 +83,7 @@ bool is_behind(const Mesh& mesh, const mat4x3& world, const mat4x3& camera) {
   return true;
 }
 
-/// Whether a point lies within a mesh: a ray from it along the mesh's +X meets an odd number of
+/// True if a point lies within a mesh: a ray from it along the mesh's +X meets an odd number of
 /// triangles. An edge or a vertex that it meets is met by one of those at it.
 bool is_within(const Mesh& mesh, glm::dvec3 point) {
   bool within = false;
@@ -118,7 +118,7 @@ std::string body_around(const Snapshot& snapshot, double time, const mat4x3& cam
   return name;
 }
 
-/// Why a camera cannot see anything; "": it may.
+/// Reason why a camera cannot see anything; "": it may.
 std::string why_empty(const RenderJob& job, const Frame& frame) {
   const Snapshot& snapshot = *job.snapshot;
   const EntityId id = job.cameras[frame.index];
@@ -139,7 +139,7 @@ std::string why_empty(const RenderJob& job, const Frame& frame) {
   return kBehind;
 }
 
-/// What a camera whose image is flat sees of a box: the range of depths, and its size in pixels.
+/// Part of a box that a camera whose image is flat sees: range of depths, and size in pixels.
 struct Extent {
   double nearest = INFINITY, farthest = -INFINITY;
   glm::dvec2 lower{INFINITY}, upper{-INFINITY};
@@ -160,7 +160,7 @@ Extent extent_of(const resident::Box& box, const Frame& frame, bool perspective)
   return extent;
 }
 
-/// Why a picture shows nothing of a scene that fills a box; "": it may.
+/// Reason why a picture shows nothing of a scene that fills a box; "": it may.
 std::string why_out_of_sight(const Camera& camera, const resident::Box& box, const Frame& frame) {
   if (box.empty() || !kernels::is_straight(camera.projection)) return "";
   const Extent extent = extent_of(box, frame, !kernels::is_parallel(camera.projection));
@@ -190,7 +190,7 @@ auto values_of(const Pixels& pixels, u64 count) {
          });
 }
 
-/// What a camera's exposure does to its signal; "": nothing to speak of.
+/// Effect of a camera's exposure on its signal; "": none worth a remark.
 std::string about_exposure(const Camera& camera, const Frame& frame) {
   const PlaneData* signal = plane_of(frame, Plane::SENSOR_RGB);
   if (!signal) return "";
@@ -225,7 +225,7 @@ std::string about_groups(const RenderJob& job, const Frame& frame) {
       fmt::join(dark, ", "));
 }
 
-/// What a picture shows nothing of, and why; "": it shows something.
+/// Things that a picture shows nothing of, and why; "": it shows something.
 std::string about_sight(const RenderJob& job, const SceneSummary& scene, const Frame& frame) {
   const PlaneData* beauty = plane_of(frame, Plane::BEAUTY);
   const EntityId camera = job.cameras[frame.index];

@@ -1,4 +1,4 @@
-// What a picture does not say of itself: why it is black or empty. Called by the runner.
+// Remarks on what a picture does not show itself: why it is black or empty. Called by the runner.
 #pragma once
 
 #include <span>
@@ -18,9 +18,9 @@ struct SceneSummary {
   resident::Box bounds;       // of all that is shown, m
 };
 
-/// Of a frame whose planes are made, a sentence each, with the remedy: a light that shines nowhere,
-/// a sensor's signal that is saturated for the most part or black, a camera that all of the scene
-/// is out of sight of, why a beauty is black all over (nothing shines, there is nothing to see, the
+/// Remarks on a frame whose planes are made, a sentence each, with the remedy: a light that shines
+/// nowhere, a sensor's signal that is saturated for the most part or black, a camera that sees
+/// nothing of the scene, why a beauty is black all over (nothing shines, nothing is to be seen, the
 /// camera is inside of something, or none is known), and light groups that are black where it is
 /// not. None for planes that the host cannot read.
 [[nodiscard]] std::vector<std::string> remarks(const RenderJob& job, const SceneSummary& scene,

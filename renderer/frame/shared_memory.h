@@ -10,7 +10,7 @@
 
 namespace heliograph {
 
-/// Of a GPU, as its driver names it.
+/// Identifier of a GPU, as its driver names it.
 using DeviceUuid = std::array<u8, 16>;
 
 /// Owns: a descriptor and a mapping. What another process has mapped outlives it. Thread: any.
@@ -21,17 +21,17 @@ class SharedMemory {
   SharedMemory& operator=(const SharedMemory&) = delete;
   virtual ~SharedMemory() = default;
 
-  /// What the other process is given. It stays this object's.
+  /// Descriptor that the other process is given. It stays this object's.
   [[nodiscard]] virtual int fd() const = 0;
-  /// Where it lies: addresses of the host, or the device's, which the host cannot follow.
+  /// Place of the memory: addresses of the host, or the device's, which the host cannot follow.
   [[nodiscard]] virtual std::span<std::byte> bytes() const = 0;
-  /// Whose memory it is; null: the host's.
+  /// Device whose memory it is; null: the host's.
   [[nodiscard]] virtual const DeviceUuid* device() const = 0;
 };
 
 class SharedMemorySource;
 
-/// Who keeps some of such memory for later. Thread: any.
+/// Keeper of some of such memory for later. Thread: any.
 class SharedMemoryKeeper {
  public:
   SharedMemoryKeeper() = default;
@@ -40,11 +40,11 @@ class SharedMemoryKeeper {
   virtual ~SharedMemoryKeeper() = default;
 
   /// Lets go of what it keeps of a source and nobody uses. False when there is none, or when it
-  /// cannot tell now: it never waits.
+  /// cannot know now: it never waits.
   virtual bool let_go(const SharedMemorySource& source) = 0;
 };
 
-/// Makes such memory, of one kind. Thread: as whoever gives it out says.
+/// Makes such memory, of one kind. Thread: as whoever gives it out states.
 class SharedMemorySource {
  public:
   SharedMemorySource() = default;
@@ -60,7 +60,7 @@ class SharedMemorySource {
   virtual void know(const std::weak_ptr<SharedMemoryKeeper>& keeper) = 0;
   /// Bytes, a power of two.
   [[nodiscard]] virtual u64 step() const = 0;
-  /// Whose memory it makes; null: the host's.
+  /// Device whose memory it makes; null: the host's.
   [[nodiscard]] virtual const DeviceUuid* device() const = 0;
 };
 

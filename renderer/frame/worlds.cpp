@@ -27,7 +27,7 @@ class PartOfPlane final : public PixelMemory {
   const std::span<std::byte> bytes_;
 };
 
-/// Whether check_job() may say something else of a world than of the scene.
+/// True if check_job() may judge a world differently from the scene.
 bool differs_in_checks(const RenderJob& job, u32 world) {
   return job.worlds->has_overlay(world) || wants_forward(job) || wants_backward(job) ||
          job.disparity_camera;
@@ -70,7 +70,7 @@ Status too_many(const char* where, u64 needed, u64 available, const std::string&
   return std::unexpected(std::move(error));
 }
 
-/// Whether an edit brings what a backend derives data from.
+/// True if an edit brings what a backend derives data from.
 bool brings_assets(const Transaction& overlay) {
   return std::ranges::any_of(overlay.edits, [](const Edit& edit) {
     const auto* settings = std::get_if<PutSettings>(&edit.action);

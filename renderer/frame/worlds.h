@@ -7,7 +7,7 @@
 
 namespace heliograph {
 
-/// Of the random numbers of a world; world 0's is `seed`.
+/// Seed of the random numbers of a world; world 0's is `seed`.
 [[nodiscard]] u64 world_seed(u64 seed, u32 world);
 
 /// The job of one world alone: the same pixels. Fails as world_of() does, `where` beneath "worlds".
@@ -16,7 +16,7 @@ namespace heliograph {
 /// Pictures of a job: cameras of its rendered worlds, or its cameras.
 [[nodiscard]] u32 picture_count(const RenderJob& job);
 
-/// What check_job() says of the worlds of a job that is fit without them. INVALID_ARGUMENT: not one
+/// Checks the worlds of a job that is fit without them, like check_job(). INVALID_ARGUMENT: not one
 /// size, a stop rule but spp; RESOURCE_EXHAUSTED: too many rows of labels; what is wrong with the
 /// job of one world, with its number in the message.
 [[nodiscard]] Status check_worlds(const RenderJob& job, const JobLimits& limits);

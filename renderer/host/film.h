@@ -52,9 +52,9 @@ struct PictureOf {
   u32 number = 0, count = 1;
 };
 
-/// Of all planes of film_planes(), not filled in.
+/// Memory of all planes of film_planes(), not filled in.
 [[nodiscard]] std::vector<PlaneData> new_planes(const RenderJob& job, u64 pixels);
-/// Where planes of the folds kMean and kFilm go, given new_planes().
+/// Places for planes of the folds kMean and kFilm, given new_planes().
 [[nodiscard]] std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes);
 
 /// Thread: one at a time, but for rays() and add_rays(). Pixels are read by resolve() and noise()
@@ -74,7 +74,7 @@ class HostFilm final : public Film {
   struct Left {
     u32 done = 0, count = 0;
   };
-  /// Of the range that was left half way; none of it where none was.
+  /// Progress in the range that was left half way; none of it where none was.
   [[nodiscard]] const Left& left() const { return left_; }
   void leave(const Left& left) { left_ = left; }
   [[nodiscard]] double share_of_range() const override {
@@ -84,7 +84,7 @@ class HostFilm final : public Film {
   [[nodiscard]] PixelRect tile(u32 index) const;
 
   [[nodiscard]] const RenderJob& job() const { return *shot_.job; }
-  /// What labels see.
+  /// View that labels have.
   [[nodiscard]] const Sight& still() const { return still_; }
   [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
   /// Beauty and the other mean planes; beauty_still. Of views that the film keeps.

@@ -11,7 +11,7 @@ namespace {
 
 using kernels::PixelStatistics;
 
-/// How many samples would tell a pixel's light, if each gave the same and all others nothing.
+/// Number of samples that would make a pixel's light, each with the same and all others nothing.
 double hits_of_light(const PixelStatistics& s, u32 samples) {
   const double square = double(s.mean) * s.mean;
   return square * samples / (square + double(s.variance) * (samples - 1));

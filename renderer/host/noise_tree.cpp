@@ -15,7 +15,7 @@ void add(NoiseCell& to, const NoiseCell& cell) {
   to.pending_light += cell.pending_light;
 }
 
-/// How many samples would tell a cell's variance, if each told the same and all others nothing.
+/// Number of samples that would make a cell's variance, each with the same and all others nothing.
 double hits_of(const NoiseCell& cell) {
   return cell.spread > 0 ? cell.variance * cell.variance / cell.spread : 0;
 }

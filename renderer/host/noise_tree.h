@@ -8,17 +8,17 @@
 
 namespace heliograph::host {
 
-/// Samples from which on a number that they tell is known.
+/// Samples from which on a number that they yield is known.
 inline constexpr double kKnownFrom = 8;
 
 /// Sums over the pixels of a cell.
 struct NoiseCell {
   double variance = 0;
-  double spread = 0;  // squares of the variances, each over the hits that tell it
+  double spread = 0;  // squares of the variances, each over the hits that make it
   double weight = 0;  // how much of what is shared they get
   double dark = 0;    // how many pixels' light is not known
   bool known = true;  // light and variance of all of them
-  // Of what is not known, what no cell below has shared:
+  // Shares of what is not known that no cell below has taken:
   double pending_variance = 0;
   double pending_light = 0;
 };

@@ -13,7 +13,7 @@ namespace heliograph::host {
 
 inline constexpr kernels::HoleKey kProbe{0, true};
 
-/// How far away what 8 pixels show is, metres along their rays.
+/// Distances of what 8 pixels show, metres along their rays.
 using Distances = std::array<float, RayPacket::kRays>;
 
 /// A camera's rays through pixel centres in the space of one object, not normalised. Those of a
@@ -73,7 +73,7 @@ class ObjectRays {
 
  private:
   /// Distances from the camera by unit of the rays' directions, from where the rays start. What
-  /// lies on the surface that is seen is behind it, as far as single precision tells.
+  /// lies on the surface that is seen is behind it, within single precision.
   [[nodiscard]] Distances along(float x, float y, const Distances& distances) const {
     constexpr float kOn = 1 - 0x1p-14f;
     const float length_y2 = 1 + kernels::sqr((y + beside_.y) / camera_->fy);

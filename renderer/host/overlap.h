@@ -1,11 +1,11 @@
-// Whether two meshes meet. Called by queries.cpp.
+// Test of whether two meshes meet. Called by queries.cpp.
 #pragma once
 
 #include "renderer/host/tracer.h"
 
 namespace heliograph::host {
 
-/// Whether the surfaces of two slots intersect, or one lies inside the other.
+/// True if the surfaces of two slots intersect, or one lies inside the other.
 ///
 /// Two triangles that are not coplanar intersect exactly when an edge of one crosses the other, so
 /// every edge of each mesh is cast as a segment against the other. Containment: the first surface

@@ -147,7 +147,7 @@ class SilhouetteTracer {
   [[nodiscard]] bool in_image(i32 x, i32 y) const {
     return x >= 0 && y >= 0 && x < i32(camera_.width) && y < i32(camera_.height);
   }
-  /// Which of the pixels from (x, y) on show the label.
+  /// Bits of the pixels from (x, y) on that show the label.
   [[nodiscard]] u32 seen(u32 label, i32 x, i32 y) const {
     u32 bits = 0;
     for (i32 i = 0; i < kLanes; ++i)
@@ -155,7 +155,7 @@ class SilhouetteTracer {
         bits |= 1u << i;
     return bits;
   }
-  /// How far away what the pixels from (x, y) on show is; 0 outside of the image.
+  /// Distances of what the pixels from (x, y) on show; 0 outside of the image.
   [[nodiscard]] Distances distances(i32 x, i32 y) const {
     Distances out{};
     for (i32 i = 0; i < kLanes && !distances_.empty(); ++i)
@@ -171,7 +171,7 @@ class SilhouetteTracer {
     const u64 bit = u64(y) * camera_.width + u64(x);
     if (mask) mask[bit / 8] = u8(mask[bit / 8] | (0x80u >> (bit % 8)));
   }
-  /// Whether a volume alone brings the transmittance of a world's ray of any length to one half.
+  /// True if a volume alone brings the transmittance of a world's ray of any length to one half.
   [[nodiscard]] bool meets(u32 volume, kernels::Ray ray) const {
     const float length = glm::length(ray.direction);
     ray.direction /= length;
@@ -180,7 +180,7 @@ class SilhouetteTracer {
     set.add(kernels::make_marched(scene_, volume, ray, ray.t_max));
     return kernels::march(scene_, set).volume != kNone;
   }
-  /// Which of the lanes from `first` on meet one slot or volume.
+  /// Bits of the lanes from `first` on that meet one slot or volume.
   [[nodiscard]] u32 meets(const Reach& reach, const ObjectRays& rays, glm::ivec2 first,
                           u32 lanes) const {
     u32 wanted = 0;

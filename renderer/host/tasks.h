@@ -1,4 +1,4 @@
-// What is to be traced for a film, told without a tracer. Made by film.h, carried out by backends.
+// Rays to trace for a film, described without a tracer. Made by film.h, traced by backends.
 #pragma once
 
 #include "kernels/label/probe.h"

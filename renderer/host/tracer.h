@@ -16,7 +16,7 @@ class HostTracer {
   [[nodiscard]] virtual kernels::Hit closest(const kernels::Ray& ray, u32 mask) const = 0;
   [[nodiscard]] virtual bool occluded(const kernels::Ray& ray, u32 mask) const = 0;
   [[nodiscard]] virtual kernels::Hit closest_in(u32 instance, const kernels::Ray& ray) const = 0;
-  /// Whether a ray of object space, its direction of any length, meets one instance alone.
+  /// True if a ray of object space, its direction of any length, meets one instance alone.
   [[nodiscard]] virtual bool meets(u32 instance, const kernels::Ray& ray_object) const = 0;
   /// The same of an instance without holes, for those rays of a packet whose bits are in `lanes`.
   /// Returns a bit for each.

@@ -26,7 +26,7 @@ class TrackColumns {
     vec3 p_world;
     bool visible;
   };
-  /// Of point i at time t.
+  /// Sets the sighting of point i at time t.
   void set(u64 i, u64 t, const Sighting& s) const {
     const u64 row = i * tracks_.times.size() + t;
     image_[2 * row] = float(s.image.x);

@@ -11,7 +11,7 @@ namespace heliograph::host {
 using SceneAt = std::function<Expected<SceneRays>(Time)>;
 
 /// Answers with the columns of service.proto's TracksReply. Fails as the scenes do, with
-/// INVALID_ARGUMENT for an entity that shows no mesh, and as the interrupt says.
+/// INVALID_ARGUMENT for an entity that shows no mesh, and as the interrupt does.
 [[nodiscard]] Expected<QueryResult> follow(const Tracks& tracks, const SceneAt& scene_at,
                                            const Interrupt& interrupt);
 

@@ -68,7 +68,7 @@ std::vector<CastLight> all_lights(const Lights& lights, const Box& scene) {
   return found;
 }
 
-/// What a caster catches of a light.
+/// Light that a caster catches.
 double caught(const kernels::CasterView& caster, const CastLight& light) {
   const double size2 = double(caster.radius) * double(caster.radius);
   if (light.is_distant) return size2 * light.power;

@@ -5,7 +5,7 @@
 
 namespace heliograph::resident {
 
-/// What paths look for, and the lights whose images they look for in it.
+/// Things that paths look for, and the lights whose images they look for in them.
 struct Casters {
   std::vector<kernels::CasterView> casters;
   std::vector<kernels::CastLightView> lights;  // empty where there are no casters

@@ -30,7 +30,7 @@ kernels::LightBounds bounds_at_rest(const kernels::LightBounds& bounds,
   return world;
 }
 
-/// Whether two keys differ in their translation alone.
+/// True if two keys differ in their translation alone.
 bool same_directions(const kernels::MotionKey& a, const kernels::MotionKey& b) {
   return a.rotation == b.rotation &&
          std::memcmp(&a.xx, &b.xx, sizeof a - offsetof(kernels::MotionKey, xx)) == 0;

@@ -1,4 +1,4 @@
-// What the intensities of a light's profile amount to. Called by lights.cpp and light_strength.cpp.
+// Sums over the intensities of a light's profile. Called by lights.cpp and light_strength.cpp.
 #pragma once
 
 #include "renderer/derived/derived_cache.h"
@@ -6,7 +6,7 @@
 
 namespace heliograph::resident {
 
-/// Of the luminance of a profile's texels.
+/// Sums over the luminance of a profile's texels.
 struct ProfileSums {
   double peak = 0;
   double front = 0;  // integral over the directions to the front (-z) of the light, sr

@@ -22,7 +22,7 @@ glm::dvec2 cone_integrals(const LightCone& cone) {
   return 2 * M_PI * glm::dvec2(third + 1 - full, fourth + from * third + (1 - full * full) / 2);
 }
 
-/// What a radiance of 1 makes of a light in its unit, in watts where that is photometric.
+/// Strength of a light in its unit for a radiance of 1, in watts where that is photometric.
 double unit_per_radiance(const Light& light, const LightExtent& extent) {
   switch (light.unit) {
     case LightUnit::kRadiance:
@@ -76,7 +76,7 @@ LightExtent mesh_extent(double area, bool two_sided) {
   return {.flux = M_PI * area * (two_sided ? 2 : 1), .intensity = area, .area = area};
 }
 
-/// Of the profile's intensities times an area, all of them or those to the front.
+/// Extent of the profile's intensities times an area, all of them or those to the front.
 LightExtent profile_extent(const ProfileSums& profile, double area, bool all) {
   const double sum = profile.front + (all ? profile.back : 0);
   return {.flux = area * sum, .intensity = area * profile.peak, .area = area};

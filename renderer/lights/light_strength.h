@@ -6,7 +6,7 @@
 
 namespace heliograph::resident {
 
-/// What a light's strength is spread over.
+/// Measures that a light's strength is spread over.
 struct LightExtent {
   double flux = 0;       // W over all emitting sides, for a radiance of 1
   double intensity = 0;  // W/sr along the axis (spheres: in the mean over directions; with a

@@ -66,7 +66,7 @@ Item item_of(const Key& key, const LightBounds& b) {
 const Key& key_of(const Key& key) { return key; }
 const Key& key_of(const Item& item) { return item.key; }
 
-/// Where along an axis the two sides cost least.
+/// Place along an axis where the two sides cost least.
 float best_plane(std::span<const Item> items, int axis, vec3 lower, vec3 upper) {
   const float size = upper[axis] - lower[axis], scale = float(kBins) / size;
   std::array<Group, kBins> bins;

@@ -18,9 +18,9 @@ namespace {
 // A light far dimmer than the others still gets this share of the mean: it may be the only one that
 // a corner of the scene sees.
 constexpr double kSmallestShare = 1e-3;
-// Of what all lights of the tree, all suns and the dome send, each counts for so much at least.
+// Least share, for each of the three, of what all lights of the tree, all suns and the dome send.
 constexpr double kSmallestGroupShare = 0.1;
-// Of a dome without a picture, whose light scattered rays find as well, this much counts where it
+// Share that counts of a dome without a picture, whose light scattered rays find as well, where it
 // competes with lights: 2 to 5 % less variance in the scene of `heliograph dataset mesh`.
 constexpr double kEvenDome = 0.1;
 
@@ -172,7 +172,7 @@ std::vector<u32> Lighter::slots_that_may_emit() {
   parallel_ranges(may.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Slot& slot = structure.slots[i];
-      // What curves emit is found by rays that scatter alone.
+      // Light of curves is found by rays that scatter alone.
       if (placement_.mesh(i).shape() == kernels::Shape::kCurves) continue;
       const u32 parts = placement_.mesh(i).topology->part_count;
       const auto own = std::span(emits_part).subspan(slot.first_part, parts);

@@ -1,4 +1,4 @@
-// What emits: the entities' lights, emissive materials and the dome, and how often each is sampled.
+// Lights: the entities' lights, emissive materials and the dome, and how often each is sampled.
 #pragma once
 
 #include "renderer/derived/materials.h"
@@ -47,13 +47,13 @@ struct Lights {
   std::vector<kernels::PortalView> portals;
   std::vector<std::shared_ptr<const PortalMap>> portal_maps;
 
-  /// Whether there is any.
+  /// True if there is any.
   [[nodiscard]] bool any() const {
     return !lights.empty() || !suns.empty() || dome.radiance != vec3(0);
   }
 };
 
-/// What lights are made of.
+/// Sources that lights are made of.
 struct LightSources {
   const Snapshot& snapshot;
   const Placement& placement;
@@ -64,7 +64,7 @@ struct LightsBefore {
   LightSources of;
   std::shared_ptr<const Lights> lights;
 };
-/// What `before`, or null, has of the same sources is taken over; the result does not depend on it.
+/// Takes over what `before`, or null, has of the same sources; the result does not depend on it.
 [[nodiscard]] std::shared_ptr<const Lights> make_lights(const LightSources& sources,
                                                         const LightsBefore* before,
                                                         DerivedCache& cache);

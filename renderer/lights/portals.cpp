@@ -55,7 +55,7 @@ bool place_portal(const Portal& portal, const mat4x3& world, kernels::PortalView
   out.z = glm::dot(normal, world[2]) < 0 ? -normal : normal;
   out.y = glm::cross(out.z, out.x);
   out.center = world[3];
-  // Of a sheared rectangle, the one about it.
+  // A sheared rectangle has the one about it.
   out.half =
       0.5f * vec2(glm::length(x) + std::abs(glm::dot(y, out.x)), std::abs(glm::dot(y, out.y)));
   return out.half.x > 0 && out.half.y > 0;

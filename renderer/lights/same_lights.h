@@ -1,15 +1,15 @@
-// What of earlier lights serves again. Called by lights.cpp.
+// Parts of earlier lights that serve again. Called by lights.cpp.
 #pragma once
 
 #include "renderer/lights/lights.h"
 
 namespace heliograph::resident {
 
-/// Whether the same slots may emit.
+/// True if the same slots may emit.
 [[nodiscard]] bool has_same_slots(const LightSources& now, const LightsBefore& before);
-/// Whether all that lights are made of is the same. May be false although it is.
+/// True if all that lights are made of is the same. May be false although it is.
 [[nodiscard]] bool has_same_sources(const LightSources& now, const LightsBefore& before);
-/// Whether lights are of the same parts of the same slots.
+/// True if lights are of the same parts of the same slots.
 [[nodiscard]] bool has_same_parts(std::span<const kernels::LightView> a,
                                   std::span<const kernels::LightView> b);
 /// The table SceneView::part_lights.

@@ -17,14 +17,14 @@ void for_each_alive(const Snapshot& snapshot, u32 chunk, F&& f) {
     if (snapshot.entities.alive(i)) f(i);
 }
 
-/// Whether nothing in a chunk of entities changed since the last Advance, and so none that has no
+/// True if nothing in a chunk of entities changed since the last Advance, and so none that has no
 /// keys moved.
 bool stood_still(const Snapshot& snapshot, u32 chunk) {
   return snapshot.poses.shares(chunk, snapshot.previous->poses) &&
          snapshot.entities.shares(chunk, snapshot.previous->entities);
 }
 
-/// Whether what has no keys in a chunk of entities is where Snapshot::poses says.
+/// True if what has no keys in a chunk of entities is where Snapshot::poses has it.
 bool is_present(const Moment& moment, u32 chunk) {
   return !in_history(moment.snapshot, moment.span.middle()) || stood_still(moment.snapshot, chunk);
 }

@@ -25,7 +25,7 @@ struct Moment {
 /// The same of rows alone.
 [[nodiscard]] std::vector<u32> entities_with_other_rows(const Snapshot& before,
                                                         const Snapshot& now);
-/// Whether local poses in a chunk of entities are what Snapshot::poses says.
+/// True if local poses in a chunk of entities are what Snapshot::poses has.
 [[nodiscard]] bool has_plain_poses(const Moment& moment, u32 chunk);
 /// The entities that may move within the span, but for those that an ancestor moves.
 [[nodiscard]] std::vector<u32> moving_entities(const Moment& now, const Structure& structure);

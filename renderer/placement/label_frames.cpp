@@ -38,7 +38,7 @@ const Grid& density(const Snapshot& snapshot, u32 entity) {
   return *snapshot.find(snapshot.entities.at(entity).volume)->value->density;
 }
 
-/// What takes an entity's coordinates to those of one above it.
+/// Map from an entity's coordinates to those of one above it.
 mat4x3 from_root(const Snapshot& snapshot, const Placement& placement, u32 entity, u32 root) {
   mat4x3 result(1);
   for (u32 i = entity; i != root;) {
@@ -50,7 +50,7 @@ mat4x3 from_root(const Snapshot& snapshot, const Placement& placement, u32 entit
   return result;
 }
 
-/// Of what may have changed since labels that were there, or without such of everything.
+/// Maker of what may have changed since labels that were there, or without such of everything.
 class Labeller {
  public:
   explicit Labeller(const LabelSources& sources)
@@ -172,7 +172,7 @@ RestBox Labeller::rest_box(const Instance& row, const ObjectFrame& frame) const 
   return box;
 }
 
-/// Whether an instance has moved and nothing else.
+/// True if an instance has moved and nothing else.
 bool Labeller::keeps_box(u32 row) const {
   const ObjectFrame &now = made_.frames[row], &then = before_->frames[row];
   if (!now.rigid || !then.rigid || now.scale != then.scale) return false;

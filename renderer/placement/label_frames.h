@@ -1,4 +1,4 @@
-// What labels measure by: frames of the labelled instances, and the boxes in them.
+// Measures of labels: frames of the labelled instances, and the boxes in them.
 #pragma once
 
 #include <optional>
@@ -17,7 +17,7 @@ struct LabelFrames {
   ChunkedArray<mat4x3> root_from_entity;  // by slot, of its mesh's coordinates
   ChunkedArray<ObjectFrame> frames;       // by row of the labelling, in the middle of the span
   ChunkedArray<RestBox> boxes;            // by row, in those frames
-  // Of the placement, as it was when the boxes were made:
+  // Parts of the placement, as it was when the boxes were made:
   ChunkedArray<kernels::SlotView> slots;
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
 };
@@ -29,7 +29,7 @@ struct LabelsBefore {
   std::vector<u32> deformed;  // slots that showed deformed meshes then, or do now; ascending
 };
 
-/// What labels are made from.
+/// Inputs of labels.
 struct LabelSources {
   const Snapshot& snapshot;
   const Placement& placement;
@@ -37,11 +37,11 @@ struct LabelSources {
   const LabelsBefore& before;  // the result does not depend on it
 };
 
-/// Fails as the interrupt says.
+/// Fails as the interrupt does.
 [[nodiscard]] Expected<LabelFrames> make_labels(const LabelSources& sources,
                                                 const Interrupt& interrupt);
 
-/// Of the slots, then of the volumes, as ProbeContext::rest_boxes.
+/// Boxes of the slots, then of the volumes, as ProbeContext::rest_boxes.
 [[nodiscard]] std::vector<kernels::RestBoxView> rest_box_views(const Snapshot& snapshot,
                                                                const Placement& placement,
                                                                const LabelFrames& labels);

@@ -46,7 +46,7 @@ u64 hash_words(std::span<const std::byte> bytes) {
   return hash_piece(std::as_bytes(std::span(pieces)));
 }
 
-/// Of the structure over a mesh. Places on strands depend on where they were at rest.
+/// Key of the structure over a mesh. Places on strands depend on where they were at rest.
 DerivedKey accelerator_key(const MeshTopology& topology, const VertexKeys& rest,
                            const ArrayOf<vec3>& positions) {
   return {Derived::kAccelerator,

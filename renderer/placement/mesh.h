@@ -31,7 +31,7 @@ struct DeviceMesh {
   }
   [[nodiscard]] kernels::MeshView view() const;
   [[nodiscard]] kernels::Shape shape() const;
-  /// Whether its vertices are an entity's own, by morph or skin or while the shutter is open, or
+  /// True if its vertices are an entity's own, by morph or skin or while the shutter is open, or
   /// took the place of others: a tree over them is seldom of use for long.
   [[nodiscard]] bool is_deformed() const {
     return reshaped || positions.serial() != vertices->positions.serial();
@@ -50,9 +50,9 @@ class MeshBuilder {
   /// The same with other vertices.
   [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh,
                                                             DeformedKeys deformed) const;
-  /// Of the acceleration structure that build(mesh) gives it.
+  /// Key of the acceleration structure that build(mesh) gives it.
   [[nodiscard]] static DerivedKey key_of(const Mesh& mesh);
-  /// Whether build(mesh) would find everything made.
+  /// True if build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
   /// Bounds of the triangles or segments at rest under a linear map.
   [[nodiscard]] Box rest_bounds(const DeviceMesh& mesh, const mat3& map) const;

@@ -11,7 +11,7 @@
 namespace heliograph::resident {
 namespace {
 
-/// The rays that meet an entity: those it says, and those that the kernels ask about.
+/// The rays that meet an entity: those it states, and those that the kernels ask about.
 u32 ray_mask(const Entity& entity) {
   u32 mask = entity.visibility;
   if (mask & kernels::kCameraRay) mask |= kernels::kThroughRay;
@@ -63,8 +63,8 @@ class Placer {
   const Accelerator& accelerator_;
   const Interrupt& interrupt_;
   std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
-  // That changed, or that something above them did; ascending. Where worlds are given only labels
-  // need them.
+  // Entities that changed, or that something above them did; ascending. Where worlds are given only
+  // labels need them.
   std::vector<u32> entities_;
   std::vector<u32> first_keys_;  // of Placement::moving, and where the last ones end
 };
@@ -85,7 +85,7 @@ Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
   made_->holes = std::move(what.holes);
 }
 
-/// Whether all entities are where Snapshot::poses says, in the world.
+/// True if all entities are where Snapshot::poses has them, in the world.
 bool Placer::are_worlds_given() const {
   if (!structure().children.of.empty()) return false;
   for (u32 c = 0; c < snapshot_.poses.chunk_count(); ++c)
@@ -190,7 +190,7 @@ void Placer::motion() {
   first_keys_.push_back(u32(made_->motion_keys.size()));
 }
 
-/// What moves or deforms is always made anew: its keys and its mesh are.
+/// Slots to make: what moves or deforms is always made anew, as its keys and its mesh are.
 std::vector<u32> Placer::slots_to_make() const {
   std::vector<u32> slots;
   if (!before_) {
@@ -300,7 +300,7 @@ Status Placer::accelerate(const Placement* before) {
   return {};
 }
 
-/// What the earlier one had made late, as what this one makes then begins with it.
+/// Remembers what the earlier one had made late, as what this one makes then begins with it.
 void Placer::remember() {
   if (!before_) return;
   if (const auto* rows = before_->instances_.made()) {

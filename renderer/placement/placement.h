@@ -34,7 +34,7 @@ class Placement {
   std::shared_ptr<const SceneAccelerator> accelerator;    // null: no instance
   Box bounds;
 
-  /// What takes the coordinates of a slot's mesh to the world.
+  /// Map from the coordinates of a slot's mesh to the world.
   [[nodiscard]] mat4x3 mesh_pose(u32 slot) const;
   [[nodiscard]] const DeviceMesh& mesh(u32 slot) const { return *meshes[slots[slot].mesh]; }
   /// Motion keys of a slot; empty: it stands still.
@@ -42,7 +42,7 @@ class Placement {
   [[nodiscard]] kernels::InstanceView instance(u32 slot) const;
   /// All of them, by slot.
   [[nodiscard]] const ChunkedArray<kernels::InstanceView>& instances() const;
-  /// What labels measure by. Fails as the interrupt says.
+  /// Frames and boxes that labels measure by. Fails as the interrupt does.
   ///
   /// snapshot   any that has the same entities and poses
   [[nodiscard]] Expected<const LabelFrames*> labels(const Snapshot& snapshot,
@@ -51,7 +51,7 @@ class Placement {
 
  private:
   friend class Placer;
-  // Of the placement that this one was made from, if it had them:
+  // Instances of the placement that this one was made from, if it had them:
   struct InstancesBefore {
     ChunkedArray<kernels::InstanceView> rows;
     std::vector<u8> stay{};  // by chunk, whether they are these
@@ -62,20 +62,20 @@ class Placement {
   Lazy<LabelFrames> labels_;
 };
 
-/// What a placement is made with.
+/// Tools for making a placement.
 struct PlacementContext {
   const MeshBuilder& builder;
   const Accelerator& accelerator;
   const Interrupt& interrupt;
 };
 
-/// What is placed.
+/// Things that are placed.
 struct Placeable {
   std::shared_ptr<const Structure> structure;
   HoleSlots holes;
 };
 
-/// What was placed before.
+/// Placement of before.
 struct PlacedBefore {
   const Snapshot& snapshot;
   const Placement& placement;
@@ -83,7 +83,7 @@ struct PlacedBefore {
 
 /// Places every slot over a span; an instant, or what does not move in it, has no keys. What
 /// `before`, or null, has in the same place is taken over; the result does not depend on it. Fails
-/// with RESOURCE_EXHAUSTED, and as the interrupt says.
+/// with RESOURCE_EXHAUSTED, and as the interrupt does.
 [[nodiscard]] Expected<std::shared_ptr<const Placement>> make_placement(
     const Moment& moment, Placeable what, const PlacedBefore* before,
     const PlacementContext& context);

@@ -1,5 +1,5 @@
 // The instances of a placement that a backend traces as one mesh in world space: those of entities
-// that say they are static. Called by the backends' accelerators.
+// that are marked as static. Called by the backends' accelerators.
 #pragma once
 
 #include "renderer/placement/placement.h"
@@ -20,10 +20,10 @@ struct StaticMember {
 [[nodiscard]] std::vector<StaticMember> static_members(const Placement& placement,
                                                        u64 most_triangles);
 
-/// Whether they are the same triangles to the same rays, whatever their slots.
+/// True if they are the same triangles to the same rays, whatever their slots.
 [[nodiscard]] bool same_members(std::span<const StaticMember> a, std::span<const StaticMember> b);
 
-/// Whether the members are sure to be those of the placement before, in the same slots.
+/// True if the members are sure to be those of the placement before, in the same slots.
 [[nodiscard]] bool kept_members(const Placement& now, const Kept& kept);
 
 }  // namespace heliograph::resident

@@ -12,7 +12,7 @@
 namespace heliograph::resident {
 namespace {
 
-/// Whether each entity and all its ancestors are visible, by index. Parents may have any index.
+/// Visibility of each entity with all its ancestors, by index. Parents may have any index.
 std::vector<u8> visibility_of_all(const Snapshot& snapshot) {
   enum : u8 { kUnknown, kHidden, kShown };
   std::vector<u8> state(snapshot.entities.capacity(), kUnknown);
@@ -30,7 +30,7 @@ std::vector<u8> visibility_of_all(const Snapshot& snapshot) {
       if (result == kHidden || !entity.parent) break;
       i = entity.parent.index();
     }
-    // What hides an ancestor hides all below it, and the last of the chain is the topmost.
+    // An ancestor that is hidden hides all below it, and the last of the chain is the topmost.
     for (; !chain.empty(); chain.pop_back()) state[chain.back()] = result;
   });
   for (u8& s : state) s = s == kShown;
@@ -105,7 +105,7 @@ std::vector<ShownMesh> shown_meshes(const Snapshot& snapshot) {
   return order;
 }
 
-/// What has a part in no structure is taken over from the other one before they are compared.
+/// Takes over from the other one what has a part in no structure before they are compared.
 bool same_structure(const Entity& a, const Entity& b) {
   Entity like = a;
   const auto take = [](auto& field, const auto& other) {

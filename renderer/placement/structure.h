@@ -1,4 +1,4 @@
-// What the entities and meshes of a snapshot say, without poses: one slot for each entity that
+// Structure of a snapshot by its entities and meshes, without poses: one slot for each entity that
 // shows a mesh, in the order of entity indices. The order of slots is the order of instances.
 #pragma once
 
@@ -51,7 +51,7 @@ struct Structure {
   Labelling labelling;
 };
 
-/// Whether two snapshots have the same structure, row by row where their tables differ.
+/// True if two snapshots have the same structure, row by row where their tables differ.
 [[nodiscard]] bool same_structure(const Snapshot& a, const Snapshot& b);
 
 /// The entities that are given, with all beneath them: ascending, if they are.

@@ -17,7 +17,7 @@ constexpr float kRoughest = 0.3f;  // rougher ones gain less than the longer pat
 
 enum Trait : u8 { kHole = 1, kFocuses = 2 };
 
-/// Of the material table's rows.
+/// Traits of the material table's rows.
 std::vector<u8> traits_of(const Materials& materials) {
   std::vector<u8> traits;
   for (const kernels::MaterialView& material : materials.materials)
@@ -25,7 +25,7 @@ std::vector<u8> traits_of(const Materials& materials) {
   return traits;
 }
 
-/// Of the slots: those of any of their parts.
+/// Traits of the slots: those of any of their parts.
 std::vector<u8> traits_of(const Structure& structure, const std::vector<u8>& of_material) {
   std::vector<u8> traits(structure.slots.size());
   constexpr std::size_t kGrain = 4096;

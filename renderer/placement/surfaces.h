@@ -1,4 +1,4 @@
-// What the materials make of a structure's slots, wherever they are.
+// Traits of a structure's slots by their materials, wherever they are.
 #pragma once
 
 #include "renderer/derived/materials.h"
@@ -6,7 +6,7 @@
 
 namespace heliograph::resident {
 
-/// Whether most of what a material gives off is reflected or refracted sharply. Textures are not
+/// True if most of what a material gives off is reflected or refracted sharply. Textures are not
 /// looked at.
 [[nodiscard]] bool focuses(const kernels::MaterialView& material);
 
@@ -16,7 +16,7 @@ using HoleSlots = std::shared_ptr<const std::vector<u8>>;
 struct Surfaces {
   HoleSlots holes;
   std::vector<u32> focusing;  // slots that reflect or refract light sharply
-  kernels::SceneView all{};   // what accumulate_features() says of all materials in use
+  kernels::SceneView all{};   // totals of all materials in use, by accumulate_features()
 };
 
 /// A function of the materials and the structure. `before`, or null, has the same structure: holes

@@ -5,7 +5,7 @@
 
 namespace heliograph::resident {
 
-/// How rays find the bricks of a grid: a function of its bricks and, for majorants, its values.
+/// Table by which rays find a grid's bricks: a function of these and, for majorants, its values.
 struct GridTable {
   std::vector<u32> bricks;       // by cell of the box
   std::vector<float> majorants;  // by cell; of grids of one channel
@@ -13,7 +13,7 @@ struct GridTable {
 };
 [[nodiscard]] std::shared_ptr<const GridTable> grid_table(const Grid& grid, DerivedCache& cache);
 [[nodiscard]] DerivedKey key_of(const Grid& grid);
-/// Whether grid_table() would find it made.
+/// True if grid_table() would find it made.
 [[nodiscard]] bool grid_table_ready(const Grid& grid, const DerivedCache& cache);
 /// The grid as kernels read it, but for where it is.
 [[nodiscard]] kernels::GridView grid_view(const Grid& grid, const GridTable& table);

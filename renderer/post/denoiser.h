@@ -19,7 +19,7 @@ class Denoiser {
   /// Loads the library and tests it on a noisy picture, the first time.
   /// Fails with UNIMPLEMENTED and the remedy when it is not there or does not denoise.
   [[nodiscard]] Status ready();
-  /// Alpha is copied. Fails like ready(), and with what `interrupt` says.
+  /// Alpha is copied. Fails like ready(), and with what `interrupt` reports.
   [[nodiscard]] Status denoise(const DenoiseTask& task, const Interrupt& interrupt);
   /// OidnDevice::name(); fails like ready().
   [[nodiscard]] Expected<std::string> name();

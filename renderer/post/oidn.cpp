@@ -46,7 +46,7 @@ struct OidnDevice::Library {
     function = reinterpret_cast<F>(::dlsym(handle, symbol));
     return function != nullptr;
   }
-  /// What the library says of its latest call, and forgets; empty: it did well.
+  /// Report of the library on its latest call, which it then forgets; empty: it did well.
   [[nodiscard]] std::string complaint() {
     const char* text = nullptr;
     if (device_error(device, &text) == kNone) return {};

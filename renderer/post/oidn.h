@@ -46,7 +46,7 @@ class OidnDevice {
   /// stays for as long as the size does.
   [[nodiscard]] Expected<bool> set(const DenoiseTask& task);
   /// Filters; alpha is left as it is in `out`. On a GPU it returns when the work is on its way.
-  /// Fails with what `interrupt` says, too, which is asked on the CPU alone.
+  /// Fails with what `interrupt` reports, too, which is asked on the CPU alone.
   [[nodiscard]] Status run(const Interrupt& interrupt);
   /// Gives the filter's memory back.
   void forget();

@@ -14,7 +14,7 @@ struct PostContext {
   const ImageCamera& camera;
   u64 sensor_seed;
 };
-/// Of the noise of a camera's sensors: another one for each name.
+/// Seed of the noise of a camera's sensors: another one for each name.
 [[nodiscard]] u64 sensor_seed(const RenderJob& job, EntityId camera);
 
 /// A job's planes in its order, from those that the backend made (Backend::resolve). Post planes

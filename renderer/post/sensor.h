@@ -1,4 +1,4 @@
-// What a real camera would report instead of the exact image: the planes sensor_rgb, sensor_mosaic
+// Report of a real camera in place of the exact image: the planes sensor_rgb, sensor_mosaic
 // and sensor_depth. Called by post.cpp.
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace heliograph {
 
-/// Who sees what: the camera, its image's random numbers, and when to stop.
+/// Context of a sensor: the camera, its image's random numbers, and when to stop.
 struct SensorContext {
   const ImageCamera& camera;
   u64 seed;

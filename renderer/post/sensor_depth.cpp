@@ -14,9 +14,9 @@ namespace {
 
 constexpr double kEdge = 1;  // pixels of disparity by which a surface must be nearer to fatten
 
-/// What a pixel sends back to the sensor.
+/// Answer of a pixel to the sensor.
 struct Echo {
-  double measure = 0;   // metres: what the sensor tells
+  double measure = 0;   // metres: what the sensor reports
   double distance = 0;  // metres along the ray
   double signal = 0;    // of a white, matt surface at 1 m that faces the sensor: 1; 0: nothing
 };
@@ -77,8 +77,8 @@ class DisparityMap {
 
  private:
   [[nodiscard]] double at(i32 x, i32 y) const { return values_[u64(y) * u64(width_) + u64(x)]; }
-  /// What the projector does not see: in its column, too, a nearer surface lies. Columns that a
-  /// surface skips because it slants are its own.
+  /// Drops what the projector does not see: in its column, too, a nearer surface lies. Columns that
+  /// a surface skips because it slants are its own.
   void drop_shadows() {
     std::vector<double> nearest(2 * u64(width_));
     for (i32 y = 0; y < height_; ++y) {

@@ -32,7 +32,7 @@ double read_out(const RgbSensor& sensor, double signal, SensorNoise& noise) {
   return std::round(clipped * steps) / steps;
 }
 
-/// What a sensor reads of an image, photosite by photosite.
+/// Readings of a sensor from an image, photosite by photosite.
 class Readout {
  public:
   Readout(const RgbSensor& sensor, const RgbImage& image, const SensorContext& context)

@@ -1,4 +1,4 @@
-// What stays of an earlier placement. Declared in accelerator.h.
+// Parts of an earlier placement that stay. Declared in accelerator.h.
 #include <algorithm>
 
 #include "renderer/placement/placement.h"
@@ -8,7 +8,7 @@ namespace {
 
 constexpr u32 kRows = ChunkedArray<u32>::kRows;
 
-/// Whether they are the same bits.
+/// True if they are the same bits.
 bool same_keys(std::span<const kernels::MotionKey> a, std::span<const kernels::MotionKey> b) {
   return a.size() == b.size() &&
          (a.empty() || std::memcmp(a.data(), b.data(), a.size_bytes()) == 0);

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kOfOneScene = 8;           // states: revisions, and times of each
 constexpr u64 kBytesOfAnyState = u64(64) << 10;  // of a scene without anything in it, measured
 
-/// How much of its entities a snapshot shares with another.
+/// Amount of its entities that a snapshot shares with another.
 u32 shared_chunks(const Snapshot& a, const Snapshot& b) {
   u32 shared = 0;
   for (u32 c = 0; c < b.poses.chunk_count(); ++c)

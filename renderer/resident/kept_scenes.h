@@ -10,8 +10,8 @@ namespace heliograph::resident {
 
 class ResidentScene;
 
-/// What is told of a scene is kept by the Scene that it is of: a few states of each, in the order
-/// in which Scenes were used last. Thread: one at a time.
+/// States of scenes, by the Scene that they are of: a few of each, in the order in which Scenes
+/// were used last. Thread: one at a time.
 class KeptScenes {
  public:
   using State = std::shared_ptr<const SceneState>;
@@ -19,7 +19,7 @@ class KeptScenes {
     State state;
     std::weak_ptr<const ResidentScene> scene;  // of it, if it is used
   };
-  /// What was kept. It may take a millisecond to free.
+  /// Scenes that were kept. They may take a millisecond to free.
   using Dropped = std::vector<Kept>;
 
   /// copies   that a device keeps of each scene, none of which is a use
@@ -32,7 +32,7 @@ class KeptScenes {
   [[nodiscard]] State nearest(const Snapshot& snapshot, const TimeSpan& span) const;
   /// Null: it is not kept. Its Scene counts as used.
   [[nodiscard]] Kept* find(const State& state);
-  /// Whether it is kept.
+  /// True if it is kept.
   [[nodiscard]] bool has(const ResidentScene& scene) const;
   /// Keeps one as the latest of its Scene. Older ones go that show what the Scene has no more, or
   /// that are too many.
@@ -61,7 +61,7 @@ class KeptScenes {
   void count(OfScene& of);
   [[nodiscard]] bool is_used(const Kept& kept) const { return kept.scene.use_count() > copies_; }
 
-  /// What was dropped, whose copies let_go() will name.
+  /// Notes what was dropped, whose copies let_go() will name.
   [[nodiscard]] Dropped noted(Dropped dropped);
 
   const long copies_;

@@ -1,4 +1,4 @@
-// What a scene costs to prepare, by what is kept. Declared in scene.h.
+// Cost of preparing a scene, by what is kept. Declared in scene.h.
 #include <algorithm>
 
 #include "renderer/derived/mips.h"
@@ -119,7 +119,7 @@ double triangles_of_unknown(const Snapshot& snapshot) {
   return double(triangles);
 }
 
-/// Whether an entity of one snapshot is the same in another, but for what is above it.
+/// True if an entity of one snapshot is the same in another, but for what is above it.
 bool same_entity(const Snapshot& a, const Snapshot& b, u32 index) {
   const u32 chunk = index / ChunkedArray<u32>::kRows;
   if (!a.poses.shares(chunk, b.poses) && !same_bytes(a.poses[index], b.poses[index])) return false;
@@ -128,7 +128,7 @@ bool same_entity(const Snapshot& a, const Snapshot& b, u32 index) {
   return now && *now == a.entities.at(index);
 }
 
-/// Whether it is of the same Scene, or of one that this is a branch of.
+/// True if it is of the same Scene, or of one that this is a branch of.
 bool is_related(const SceneState& before, const Snapshot& now) {
   const Snapshot& then = before.snapshot();
   if (!then.scene.owner_before(now.scene) && !now.scene.owner_before(then.scene)) return true;

@@ -18,7 +18,7 @@ class ResidentScene final : public DeviceScene {
                 const FlatRows<kernels::InstanceView>& flat, const MeshBuilder& builder)
       : state_(std::move(state)), flat_(flat), builder_(builder) {}
 
-  /// What the kernels read on the host: it has the array of instances from when it is first asked
+  /// View that the kernels read on the host: it has the array of instances once it is first asked
   /// for. Thread: any.
   [[nodiscard]] const kernels::SceneView& view() const;
   /// The same where somebody else has that array: its instances are null.
@@ -30,7 +30,7 @@ class ResidentScene final : public DeviceScene {
   [[nodiscard]] const Structure& structure() const { return *placement().structure; }
   [[nodiscard]] const Lights& lights() const { return *pieces().lights; }
   [[nodiscard]] SceneSummary summary() const override;
-  /// Fails as the interrupt says. Thread: any, while the store is there.
+  /// Fails as the interrupt does. Thread: any, while the store is there.
   [[nodiscard]] Expected<const LabelFrames*> labels(const Interrupt& interrupt) const {
     return placement().labels(snapshot(), builder_, interrupt);
   }
@@ -71,11 +71,11 @@ class SceneStore {
   /// Frees a scene that is used no more, if that is so, while the next one is made: tables of many
   /// objects take a millisecond.
   void free_later(std::shared_ptr<const ResidentScene> scene);
-  /// Whether it is kept; if not, let_go() will never name it.
+  /// True if it is kept; if not, let_go() will never name it.
   [[nodiscard]] bool keeps(const ResidentScene& scene) const;
   /// Scenes that were dropped since the last call and are still held: drop their copies.
   [[nodiscard]] std::vector<std::shared_ptr<const ResidentScene>> let_go();
-  /// What prepare() would have to make.
+  /// Returns what prepare() would have to make.
   [[nodiscard]] Preparation preparation(const SceneAt& wanted) const;
   [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed) + flat_.bytes(); }
   /// Scenes that were made again, as there had been no room to keep them.

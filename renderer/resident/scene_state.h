@@ -27,7 +27,7 @@ class SceneState {
   [[nodiscard]] const TimeSpan& span() const { return span_; }
   [[nodiscard]] const ScenePieces& pieces() const { return pieces_; }
   [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
-  /// What it has and another, or null, does not share.
+  /// Bytes of what it has and another, or null, does not share.
   [[nodiscard]] u64 bytes_beside(const SceneState* other) const;
 
  private:
@@ -40,11 +40,11 @@ class SceneState {
   kernels::SceneView view_{};
 };
 
-/// Whether nothing that decides on poses in a span differs between a scene and a snapshot.
+/// True if nothing that decides on poses in a span differs between a scene and a snapshot.
 [[nodiscard]] bool same_poses(const SceneState& scene, const Snapshot& snapshot,
                               const TimeSpan& span);
 [[nodiscard]] bool same_materials(const Snapshot& a, const Snapshot& b);
-/// Whether two snapshots have the same meshes, materials, textures, volumes and dome.
+/// True if two snapshots have the same meshes, materials, textures, volumes and dome.
 [[nodiscard]] bool same_assets(const Snapshot& a, const Snapshot& b);
 
 }  // namespace heliograph::resident

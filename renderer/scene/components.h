@@ -1,4 +1,4 @@
-// What a scene is made of, as plain values. Read by every backend; changed only through
+// Parts of a scene, as plain values. Read by every backend; changed only through
 // Transactions.
 #pragma once
 
@@ -101,7 +101,7 @@ struct Symmetry {
 /// Shapes of lights, in the wire's order, and what rays meet of the meshes that stand for them.
 #define HELIO_LIGHT_SHAPES(X) X(kSphere, kSphere) X(kDisc, kDisc) X(kRectangle, kTriangles)
 
-/// What a light's radiance leaves from: the entity's mesh, or a shape.
+/// Shapes that a light's radiance leaves from: the entity's mesh, or others.
 enum class LightShape : u8 {
   kMesh,
 #define HELIO_SHAPE(name, primitive) name,
@@ -109,7 +109,7 @@ enum class LightShape : u8 {
 #undef HELIO_SHAPE
 };
 
-/// What does not change when vertices move. Arrays are per vertex unless they say otherwise.
+/// Parts of a mesh that stay when vertices move. Arrays are per vertex unless they state otherwise.
 struct MeshTopology {
   u32 vertex_count = 0;
   ArrayOf<uvec3> triangles;  // vertex indices, checked; of curves as kernels::MeshView has them
@@ -129,7 +129,7 @@ struct MeshTopology {
   ArrayOf<uvec2> skeleton;
   std::vector<Symmetry> symmetries;
   LightShape shape = LightShape::kMesh;  // that its triangles stand for (light_shapes.h)
-  // Of curves (strands.h); empty: triangles.
+  // Curves only (strands.h); empty: triangles.
   ArrayOf<u32> curves;   // points of each strand; they follow each other
   ArrayOf<float> radii;  // metres, of the spheres about the points
 
@@ -287,7 +287,7 @@ struct Camera {
   Shutter shutter;
 };
 
-/// Which kinds of rays meet an entity. Bits of Entity::visibility and of a ray's mask.
+/// Kinds of rays that meet an entity. Bits of Entity::visibility and of a ray's mask.
 enum RayMask : u8 {
   kCameraRay = 1,
   kDiffuseRay = 2,
@@ -307,7 +307,7 @@ struct MorphWeights {
   std::vector<float> weights;  // max(1, times.size()) * morph_count
 };
 
-/// What an entity says about labels itself; label_entities() says what it inherits.
+/// An entity's own statement of labels; label_entities() finds what it inherits.
 struct Label {
   u32 value = 0;     // 0 with `set`: opted out
   bool set = false;  // false: inherits from the nearest labelled ancestor

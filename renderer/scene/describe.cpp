@@ -63,7 +63,7 @@ class Description {
             .wrap_v = t.wrap_v};
   }
 
-  /// What differs from the defaults.
+  /// Values that differ from the defaults.
   [[nodiscard]] PutMaterial material(const Material& m) const {
     const Material defaults = make_material();
     PutMaterial patch;
@@ -135,7 +135,7 @@ class Description {
       ++above;
     return above;
   }
-  /// What the default of a label depends on.
+  /// Sets what the default of a label depends on.
   void bind_tree(const Entity& e, PutEntity& patch) const {
     if (e.parent) patch.parent = ref(e.parent);
     if (e.mesh) patch.mesh = ref(e.mesh);
@@ -227,7 +227,7 @@ class Description {
     });
     return out;
   }
-  /// What motion reads of an entity's state then, where it differs. One that showed another surface
+  /// State of an entity then that motion reads, where it differs. One that showed another surface
   /// shows none: its flow is invalid either way.
   [[nodiscard]] std::optional<PutEntity> previous(u32 index, const Entity& e) const {
     const Entity* then = before_advance(scene_, index);

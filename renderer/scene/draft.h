@@ -13,7 +13,7 @@
 
 namespace heliograph {
 
-/// Owns: the copy that is edited and what the reply tells. Dropped as a whole when an edit fails,
+/// Owns: the copy that is edited and what the reply states. Dropped as a whole when an edit fails,
 /// so nothing here is ever undone.
 struct Draft {
   const SceneLimits& limits;
@@ -27,7 +27,7 @@ struct Draft {
   [[nodiscard]] u32 edit() const { return u32(created.size()); }  // number of the present one
 };
 
-/// Of a shared object.
+/// Kind of a shared object.
 template <class T>
 inline constexpr Kind kKindOf = std::is_same_v<T, Mesh>       ? Kind::kMesh
                                 : std::is_same_v<T, Material> ? Kind::kMaterial
@@ -38,7 +38,7 @@ inline constexpr Kind kKindOf = std::is_same_v<T, Mesh>       ? Kind::kMesh
 
 // ---------------------------------------------------------------- references (references.cpp)
 
-/// Where the references of an edit look: the scene, and what earlier edits created.
+/// Places where the references of an edit look: the scene, and what earlier edits created.
 class Scope {
  public:
   enum class Names : bool { kRefused, kAllowed };  // refused: within an asset
@@ -64,7 +64,7 @@ class Scope {
   Names names_;
 };
 
-/// What a put changes, or the name under which it creates.
+/// Object that a put changes, or the name under which it creates one.
 struct Target {
   Id id;             // null: to be created
   std::string name;  // "": without a name
@@ -105,7 +105,7 @@ void store(Draft& draft, EntityId id, const Entity& row);
 void set_pose(Draft& draft, EntityId id, const mat4x3& pose);
 /// Fails unless a skin and morph weights fit the mesh. `where` is relative to an Entity.
 [[nodiscard]] Status check_deformation(const Entity& entity, const MeshTopology& topology);
-/// Whether an entity's light can leave from its mesh. INVALID_ARGUMENT otherwise.
+/// Fails unless an entity's light can leave from its mesh: INVALID_ARGUMENT.
 [[nodiscard]] Status check_light(const Entity& entity, const MeshTopology& topology);
 /// A texture use whose texture is resolved.
 [[nodiscard]] Status bind(const Scope& scope, const TextureUsePatch& patch, std::string_view field,
@@ -116,7 +116,7 @@ void set_pose(Draft& draft, EntityId id, const mat4x3& pose);
 void set_label(Draft& draft, Entity& entity, const LabelPatch& patch);
 /// The next free label, for this entity.
 void set_auto_label(Draft& draft, Entity& entity);
-/// Whether an ancestor of an entity with this parent says its label, be it 0.
+/// True if an ancestor of an entity with this parent states its label, be it 0.
 [[nodiscard]] bool labelled_above(const Snapshot& snapshot, EntityId parent);
 void register_category(Draft& draft, const std::string& name, u32& id);
 /// At the end of a transaction: one label, one subtree, or a group.
@@ -144,7 +144,7 @@ void prune(Draft& draft);
 [[nodiscard]] u64 bytes_of(const Texture& texture);
 [[nodiscard]] u64 bytes_of(const Volume& volume);
 inline u64 bytes_of(const Material&) { return 0; }
-/// Of the arrays that an entity itself has.
+/// Bytes of the arrays that an entity itself has.
 [[nodiscard]] u64 bytes_of(const Entity& entity);
 /// RESOURCE_EXHAUSTED when the arrays exceed the limit.
 [[nodiscard]] Status check_memory(const Draft& draft);

@@ -160,7 +160,7 @@ Status bind_animation(Draft& draft, const Instantiate& action, std::span<const I
   return {};
 }
 
-/// What the caller says about the root; its label is automatic unless a value is given.
+/// Applies the caller's values to the root; its label is automatic unless a value is given.
 Status override_root(Draft& draft, const Scope& scope, const Instantiate& action, Id root) {
   PutEntity patch{.parent = action.parent, .pose = action.pose, .label = action.label};
   auto id = put(draft, scope, Target{.id = root, .name = {}}, patch);

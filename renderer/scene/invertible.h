@@ -6,7 +6,7 @@
 
 namespace heliograph {
 
-/// Whether f32 can invert what an entity's pose says: three independent axes whose volume lies
+/// True if f32 can invert an entity's pose: it has three independent axes whose volume lies
 /// between 1e-30 and 1e30 and is at least a millionth of a box of their lengths.
 [[nodiscard]] inline bool invertible(const mat4x3& m) {
   const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr u32 kNone = ~0u;
 
-/// What an entity passes on to its children.
+/// Values that an entity passes on to its children.
 struct Inherited {
   u32 row = kNone;  // of its instance
   u32 category = 0;
@@ -30,7 +30,7 @@ Inherited inherit(const Entity& entity, u32 own_row, const Inherited& above) {
   return out;
 }
 
-/// What every entity inherits, parents first.
+/// Values that every entity inherits, parents first.
 std::vector<Inherited> inherit_all(const Snapshot& snapshot, const std::vector<u32>& own_row) {
   std::vector<Inherited> out(snapshot.entities.capacity());
   for_each_parents_first(snapshot, [&](u32 index, const Entity& entity) {
@@ -40,7 +40,7 @@ std::vector<Inherited> inherit_all(const Snapshot& snapshot, const std::vector<u
   return out;
 }
 
-/// (label, index) of the entities that say their label themselves, ordered.
+/// (label, index) of the entities that state their label themselves, ordered.
 std::vector<std::pair<u32, u32>> labelled_entities(const Snapshot& snapshot) {
   std::vector<std::pair<u32, u32>> out;
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
@@ -66,7 +66,7 @@ class PartNumbers {
   u32 free_ = 1;
 };
 
-/// A labelled entity's mesh or volume, and the number that it says all of it has; 0: automatic.
+/// A labelled entity's mesh or volume, and the number that it states for all of it; 0: automatic.
 struct MeshParts {
   u32 index = 0;
   u32 row = 0;

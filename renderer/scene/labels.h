@@ -28,8 +28,8 @@ struct Labelling {
 };
 
 /// All entities of one label have the category of the topmost; one that opted out has its own.
-/// An entity that says its part is that part whole, whatever the parts of its mesh; of another each
-/// mesh part takes the next number that no entity says. Entities are numbered in index order.
+/// An entity that states its part is that part whole, whatever its mesh's parts; of another each
+/// mesh part takes the next number that no entity states. Entities are numbered in index order.
 [[nodiscard]] Labelling label_entities(const Snapshot& snapshot);
 
 }  // namespace heliograph

@@ -17,16 +17,16 @@ inline constexpr u32 kLightShapes = 0 HELIO_LIGHT_SHAPES(HELIO_ONE);
 /// shape: not kMesh. Lives as long as the program.
 [[nodiscard]] const Mesh* shape_mesh(LightShape shape);
 
-/// What an entity shows: its own mesh, or the shape of its light; null: nothing.
+/// Mesh that an entity shows: its own, or the shape of its light; null: nothing.
 [[nodiscard]] const Mesh* shown_mesh(const Snapshot& snapshot, const Entity& entity);
 
-/// Whether its light has a shape of its own.
+/// True if its light has a shape of its own.
 [[nodiscard]] bool has_light_shape(const Entity& entity);
 
-/// Whether a light has a strength and a colour.
+/// True if a light has a strength and a colour.
 [[nodiscard]] bool emits(const Light& light);
 
-/// What rays meet of it.
+/// Primitive of a shape that rays meet.
 [[nodiscard]] kernels::Shape primitive_of(LightShape shape);
 
 /// Area of a shape whose unit shape has this pose, m^2: one side of a flat one.

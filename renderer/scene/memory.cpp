@@ -1,4 +1,4 @@
-// What the arrays of a scene weigh. Called by apply() and by DescribeScene.
+// Weight of the arrays of a scene. Called by apply() and by DescribeScene.
 #include <fmt/format.h>
 
 #include <unordered_set>

@@ -14,7 +14,7 @@ namespace heliograph {
 
 namespace {
 
-/// Where `time` lies among increasing times: between [index] and [index + 1], at fraction u.
+/// Place of `time` among increasing times: between [index] and [index + 1], at fraction u.
 struct Between {
   std::size_t index = 0;
   float u = 0;
@@ -58,7 +58,7 @@ bool has_keys_above(const Snapshot& snapshot, EntityId id) {
   return false;
 }
 
-/// Whether something says where this entity is at other times.
+/// True if something states where this entity is at other times.
 bool is_keyed(const Snapshot& snapshot, u32 index) {
   const Entity& entity = snapshot.entities.at(index);
   if (has_keys_above(snapshot, snapshot.entity_id(index))) return true;
@@ -289,7 +289,7 @@ namespace {
 /// Times this near are the same, for sums like t - dt are rounded.
 double tolerance(const Snapshot& snapshot) { return 1e-9 * std::max(1.0, std::abs(snapshot.time)); }
 
-/// Whether the entity and its ancestors were there before the last Advance and did not jump since.
+/// True if the entity and its ancestors were there before the last Advance and did not jump since.
 bool all_were_there(const Snapshot& snapshot, EntityId id) {
   for (; id; id = snapshot.entities.at(id.index()).parent)
     if (!before_advance(snapshot, id.index())) return false;

@@ -53,21 +53,21 @@ struct Decomposed {
 /// World pose of one entity: walks up its parents.
 [[nodiscard]] mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time);
 
-/// Whether what has no keys is, at this time, between where it was before the last Advance and
+/// True if what has no keys is, at this time, between where it was before the last Advance and
 /// where it is.
 [[nodiscard]] inline bool in_history(const Snapshot& snapshot, Time time) {
   return snapshot.previous && time < snapshot.time;
 }
 
-/// Whether the world pose of an entity may change within a span. The times in it at which keys say
-/// so are appended to `bends`: in between it moves smoothly.
+/// True if the world pose of an entity may change within a span. The times in it at which keys bend
+/// the motion are appended to `bends`: in between it moves smoothly.
 [[nodiscard]] bool moves_within(const Snapshot& snapshot, u32 entity, const TimeSpan& span,
                                 std::vector<Time>& bends);
 /// The same of what deform() makes of its mesh.
 [[nodiscard]] bool deforms_within(const Snapshot& snapshot, u32 entity, const TimeSpan& span,
                                   std::vector<Time>& bends);
 
-/// Whether entity and all its ancestors are `visible`.
+/// True if entity and all its ancestors are `visible`.
 [[nodiscard]] bool visible(const Snapshot& snapshot, u32 entity);
 
 /// The morph weights of an entity at a time, morph_count values; empty when it has none.
@@ -88,7 +88,7 @@ inline void in_one_piece(std::size_t count,
                          const std::function<void(std::size_t, std::size_t)>& f) {
   f(0, count);
 }
-/// Where everything is at that time, and how vertices are gone through.
+/// World poses at that time, and how vertices are gone through.
 struct DeformContext {
   DeformContext(const std::vector<mat4x3>& poses, Pieces pieces = in_one_piece)
       : world_poses(poses), in_pieces(pieces) {}
@@ -98,13 +98,13 @@ struct DeformContext {
 [[nodiscard]] std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity,
                                                      Time time, const DeformContext& context);
 
-/// Whether flow between `time` and `other` is defined for the whole scene and these cameras: every
-/// visible entity with a mesh or a volume, and every camera, has keys (its own or an ancestor's, or
+/// Fails unless flow between `time` and `other` is defined for all of the scene and these cameras:
+/// every visible entity with a mesh or volume, and every camera, has keys (its or an ancestor's, or
 /// vertex keys, or a skin), or both times lie within [previous->time, snapshot.time]. Otherwise
 /// FAILED_PRECONDITION names an entity that has none and the remedy (keys=, advance(), hold=True).
 [[nodiscard]] Status flow_defined(const Snapshot& snapshot, Time time, Time other,
                                   const std::vector<EntityId>& cameras);
-/// Whether this entity's own flow over (time, other) is valid: it, its joints and the ancestors of
+/// True if this entity's own flow over (time, other) is valid: it, its joints and the ancestors of
 /// both existed and did not teleport in between, and it showed the same surface.
 [[nodiscard]] bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other);
 

@@ -1,4 +1,4 @@
-// What may move within a span of time, and where its keys bend the motion. Declared in motion.h.
+// Motion within a span of time, and where its keys bend it. Declared in motion.h.
 #include <algorithm>
 
 #include "renderer/scene/motion.h"
@@ -6,7 +6,7 @@
 namespace heliograph {
 namespace {
 
-/// Whether what is keyed from `first` to `last`, and held outside, may change within a span.
+/// True if what is keyed from `first` to `last`, and held outside, may change within a span.
 bool overlaps(const TimeSpan& span, Time first, Time last) {
   return first < span.end && last > span.begin;
 }
@@ -21,14 +21,14 @@ bool keys_within(const std::vector<Time>& times, const TimeSpan& span, std::vect
   return true;
 }
 
-/// Whether an entity without keys is as it was before the last Advance, relative to its parent.
+/// True if an entity without keys is as it was before the last Advance, relative to its parent.
 bool stood_still(const Snapshot& snapshot, u32 index, const Entity& then) {
   const Entity& now = snapshot.entities.at(index);
   return !then.keys && then.parent == now.parent &&
          snapshot.previous->poses[index] == snapshot.poses[index];
 }
 
-/// Whether what moved in the last Advance may change within the span.
+/// True if what moved in the last Advance may change within the span.
 bool history_within(const Snapshot& snapshot, const TimeSpan& span, std::vector<Time>& bends) {
   if (!snapshot.previous || !overlaps(span, snapshot.previous->time, snapshot.time)) return false;
   add_bend(span, snapshot.previous->time, bends);

@@ -32,7 +32,7 @@ std::vector<u32> by_chunk(std::span<const Id> ids, u32 chunks) {
 }
 
 /// Writes the rows of one chunk, if something in it changes: all of them at once, or into a clone.
-/// Whether the ids are of entities.
+/// Returns whether the ids are of entities.
 template <class Places>
 bool write_chunk(Snapshot& scene, u32 chunk, const Poses& action, Places places) {
   const auto now = scene.poses.chunk(chunk);

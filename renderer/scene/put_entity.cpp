@@ -11,7 +11,7 @@ namespace heliograph {
 namespace {
 
 Status set_parent(const Snapshot& scene, EntityId self, EntityId parent, Entity& entity) {
-  // What has no children can only be its own ancestor directly.
+  // An entity without children can only be its own ancestor directly.
   for (EntityId above = parent; above;) {
     if (above == self)
       return fail(Code::kInvalidArgument, "parent",

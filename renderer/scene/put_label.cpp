@@ -85,7 +85,7 @@ std::string_view label_field(const Action& action) {
 Status check_labels(const Draft& draft, const Transaction& transaction) {
   struct Use {
     u32 edit = 0;
-    EntityId alone;  // a topmost entity that does not say `group`
+    EntityId alone;  // a topmost entity that does not set `group`
   };
   std::map<u32, Use> uses;
   for (const auto& [value, edit] : draft.doubtful_labels) {

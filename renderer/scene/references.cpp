@@ -167,7 +167,7 @@ void add_label(Snapshot& scene, u32 value, u32 change) {
 }
 
 /// A label is doubtful when it comes to an entity without a group, leaves one, or when the subtree
-/// leaves an ancestor that says it.
+/// leaves an ancestor that states it.
 void doubt_labels(Draft& draft, const Entity& before, const Entity& after) {
   const auto doubt = [&](u32 value) {
     const u32* entities = value ? draft.next.labels.find(value) : nullptr;

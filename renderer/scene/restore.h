@@ -5,13 +5,13 @@
 
 namespace heliograph {
 
-/// What a SceneDescription leaves out: the numbers by which a scene goes on.
+/// Numbers by which a scene goes on: a SceneDescription leaves them out.
 struct SceneNumbers {
   Revision revision = 0;
   u64 advances = 0;
   u32 next_label = 1;
   TableIds entities, meshes, materials, textures, volumes;
-  /// Indices of entities that say no label, though describe() says one for them (it shows the same,
+  /// Indices of entities that state no label, though describe() gives them one (it shows the same,
   /// but an ancestor that gets a label later would count).
   std::vector<u32> without_label;
 };

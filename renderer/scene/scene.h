@@ -13,7 +13,7 @@
 
 namespace heliograph {
 
-/// What a transaction would make of a snapshot. Not visible to anybody yet.
+/// Result that a transaction would have on a snapshot. Not visible to anybody yet.
 struct Prepared {
   std::shared_ptr<const Snapshot> snapshot;
   std::vector<Id> ids;      // one an edit, then the further ids of each edit in order
@@ -44,7 +44,7 @@ struct SceneLimits {
 /// preparation.
 class Scene {
  public:
-  /// Its snapshots say that they are of this scene, whoever made the first.
+  /// Its snapshots are marked as of this scene, whoever made the first.
   Scene(const std::shared_ptr<const Snapshot>& first, SceneLimits limits);
 
   /// Applies to the pending head. `expected`: ABORTED unless it equals the pending revision.
@@ -72,7 +72,7 @@ class Scene {
   std::deque<std::shared_ptr<const Snapshot>> recent_;   // the last is the head
 };
 
-/// What a scene file holds: all that rebuild() needs to make a snapshot again.
+/// Contents of a scene file: all that rebuild() needs to make a snapshot again.
 struct SceneDescription {
   /// The edits that make it from an empty scene: the same objects in the same order, names, labels,
   /// classes, keys, settings and time. Objects without a name get none; references are

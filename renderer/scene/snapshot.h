@@ -15,7 +15,7 @@
 
 namespace heliograph {
 
-/// What the scene keeps of an asset that was instantiated: the shared objects it created, so that
+/// Objects that the scene keeps of an instantiated asset: the shared ones that it created, so that
 /// the next instance uses them again. In the order of Asset::library; ids may have gone stale.
 using Library = std::vector<Id>;
 
@@ -39,7 +39,7 @@ struct Snapshot {
   std::shared_ptr<const Dome> dome;  // null: none
 
   Names names;
-  PersistentMap<u32, u32> labels;  // value -> how many entities say it themselves
+  PersistentMap<u32, u32> labels;  // value -> how many entities state it themselves
   u32 next_label = 1;
   std::shared_ptr<const std::vector<std::string>> categories;  // class id - 1 -> name; may be null
   PersistentMap<std::string, std::shared_ptr<const Library>> libraries;  // by asset hash
@@ -68,7 +68,7 @@ struct Snapshot {
   [[nodiscard]] const Shared<Volume>* find(VolumeId id) const {
     return volumes.find(id.version(), id.index());
   }
-  /// Whether an id of any kind names a live object.
+  /// True if an id of any kind names a live object.
   [[nodiscard]] bool alive(Id id) const;
   [[nodiscard]] EntityId entity_id(u32 index) const {
     return EntityId::make(entities.version(index), index);

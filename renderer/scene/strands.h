@@ -23,7 +23,7 @@ namespace heliograph {
   return segments;
 }
 
-/// How far the unit sphere reaches along each axis under a linear map.
+/// Reach of the unit sphere along each axis under a linear map.
 [[nodiscard]] inline vec3 sphere_reach(const mat3& map) {
   return glm::sqrt(map[0] * map[0] + map[1] * map[1] + map[2] * map[2]);
 }

@@ -55,7 +55,7 @@ class ChunkedArray {
   }
   [[nodiscard]] u32 chunk_count() const { return u32(chunks_.size()); }
   [[nodiscard]] std::span<const T> chunk(u32 c) const { return chunks_[c]->rows(); }
-  /// Whether both have a chunk, and it is the same one.
+  /// True if both have a chunk, and it is the same one.
   [[nodiscard]] bool shares(u32 c, const ChunkedArray& other) const {
     return c < chunks_.size() && c < other.chunks_.size() && chunks_[c] == other.chunks_[c];
   }
@@ -113,7 +113,7 @@ class ChunkedArray {
   u32 size_ = 0;
 };
 
-/// Which ids a table gave out and will give: what makes another table give the same ones.
+/// Ids that a table gave out and will give: what makes another table give the same ones.
 struct TableIds {
   std::vector<u32> versions;  // by index
   std::vector<u32> order;     // of insertion: the indices alive, ascending, then the free ones
@@ -141,7 +141,7 @@ class Table {
     for (u32 i = free_; i != kNone; i = heads_[i].next_free) ids.order.push_back(i);
     return ids;
   }
-  /// Whether the id is neither stale nor unknown. Reads nothing of the row.
+  /// True if the id is neither stale nor unknown. Reads nothing of the row.
   [[nodiscard]] bool has(u32 version, u32 index) const {
     return alive(index) && heads_[index].version == version;
   }
@@ -190,7 +190,7 @@ class Table {
     for (u32 i = 0; i < capacity(); ++i)
       if (alive(i)) f(i, rows_[i]);
   }
-  // Whatever changes a head writes its row too, so rows alone tell what changed.
+  // Whatever changes a head writes its row too, so rows alone show what changed.
   /// f(index) for every index, alive or not, in a chunk that `before` does not share.
   template <class F>
   void for_each_changed(const Table& before, F&& f) const {
@@ -198,7 +198,7 @@ class Table {
   }
   [[nodiscard]] bool same(const Table& other) const { return rows_.same(other.rows_); }
   [[nodiscard]] u32 chunk_count() const { return rows_.chunk_count(); }
-  /// Whether the rows of a chunk, of as many as ChunkedArray has, are the same ones.
+  /// True if the rows of a chunk, of as many as ChunkedArray has, are the same ones.
   [[nodiscard]] bool shares(u32 c, const Table& other) const {
     return rows_.shares(c, other.rows_);
   }

@@ -32,7 +32,7 @@ Expected<SnapshotPtr> with_poses(const SnapshotPtr& scene, const Worlds& worlds,
   return std::unexpected(std::move(error));
 }
 
-/// What is told once for the whole frame is the same in all worlds.
+/// Checks that what is stated once for the whole frame is the same in all worlds.
 Status check_common(const Snapshot& scene, const Snapshot& world) {
   const auto classes = [](const Snapshot& s) { return s.categories ? s.categories->size() : 0; };
   if (world.time != scene.time || world.previous != scene.previous)

@@ -18,7 +18,7 @@ struct DeviceThread {
   std::thread thread{};
 };
 
-/// When devices last had work of whom.
+/// Times when devices last had work, and of whom.
 class LastServed {
  public:
   void note(u64 who, Work::Clock::time_point now) {
@@ -49,7 +49,7 @@ struct Away {
   }
 };
 
-/// What becomes of work that had begun on a device that was lost.
+/// Error of work that had begun on a device that was lost.
 [[nodiscard]] inline Error lost_error() {
   return {.code = Code::kUnavailable,
           .message = "the device was lost while it rendered this, and is started again; ask again",

@@ -1,4 +1,4 @@
-// Checks of jobs, and what an engine tells of its devices.
+// Checks of jobs, and an engine's report of its devices.
 #include "renderer/schedule/engine.h"
 
 #include <fmt/format.h>

@@ -11,7 +11,7 @@
 
 namespace heliograph {
 
-/// What a job took.
+/// Cost of a job.
 struct Spent {
   u64 samples = 0;            // of all pixels; a centre plane's ray counts as one
   u64 rays = 0;               // of the cameras that were done
@@ -22,7 +22,7 @@ struct Spent {
   double aside_seconds = 0;  // away from the device: derived data, scenes, planes made of others
 };
 
-/// Who receives a job's results. Calls come in order, one at a time, from the thread of the job's
+/// Receiver of a job's results. Calls come in order, one at a time, from the thread of the job's
 /// device or from a worker, and must not block.
 class JobSink {
  public:
@@ -42,11 +42,11 @@ struct EngineOptions {
   double credit = 0.5;    // seconds of the device that one may be served ahead of the others
   double turn = 0.05;     // seconds of the device that one goes on for among equals
   double little = 0.002;  // seconds of the device: a job that had less may be short
-  /// Of all pixels of a picture: one that takes as many is rendered by all devices that are idle.
+  /// Samples of all pixels of a picture: one that takes as many is rendered by all idle devices.
   u64 spread_samples = 16'000'000;
 };
 
-/// What waits and runs.
+/// Work that waits and runs.
 struct Load {
   u32 jobs = 0;
   double seconds_a_job = 0;  // of the device, a moving mean
@@ -64,12 +64,12 @@ struct Load {
 /// ends within a slice. Jobs of one session may end in another order. Pictures do not depend on the
 /// device.
 ///
-/// What takes long and no device is done by the workers (workers.h), while the device has other
+/// Long work that needs no device is done by the workers (workers.h), while the device has other
 /// jobs: derived data and scenes before a job, labels and planes of large pictures after it.
 ///
-/// What cannot be left half way is one slice, however long: a query or labels on a GPU.
+/// Work that cannot be left half way is one slice, however long: a query or labels on a GPU.
 ///
-/// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
+/// When a backend reports its device as lost, work that had begun there ends with UNAVAILABLE, a
 /// new backend is made, as often as it takes, and what waits goes on: all of it is in its
 /// snapshots. Where that cannot work in this process it is not tried again.
 class Engine {

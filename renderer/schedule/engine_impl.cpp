@@ -11,7 +11,7 @@ namespace {
 constexpr double kNewest = 0.1;  // how much a job counts in the mean of their seconds
 /// Between two attempts to make a backend in the place of a lost one.
 constexpr auto kRemake = std::chrono::milliseconds(500);
-/// How often a device's thread looks after jobs that are away, when it has no work.
+/// Interval at which a device's thread looks after jobs that are away, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 /// Who had a device since then may be back at any moment.
 constexpr auto kLately = std::chrono::milliseconds(100);
@@ -237,7 +237,7 @@ void Engine::Impl::refuse_all() {
     work->refuse({.code = Code::kUnavailable, .message = "the renderer is shutting down"});
 }
 
-/// What has begun holds memory of the lost device; what has not, and derived data, starts again.
+/// Refuses begun work, which has the lost device's memory; the rest, and derived data, starts anew.
 void Engine::Impl::replace_backend(u32 index) {
   std::vector<std::unique_ptr<Work>> begun;
   {
@@ -281,7 +281,7 @@ std::shared_ptr<Backend> Engine::Impl::remake(u32 index) {
   }
 }
 
-/// What is interrupted and waits, but for what other devices began: its memory is theirs.
+/// Refuses what is interrupted and waits, but not what other devices began: its memory is theirs.
 void Engine::Impl::refuse_interrupted(u32 index) {
   const auto is_interrupted = [&](const auto& work) {
     return work->interrupt().requested() && !work->runs && (!work->begun || work->place == index);

@@ -1,4 +1,4 @@
-// What an engine owns: the queue of jobs, the devices' threads, and jobs that are away from them.
+// Parts of an engine: the queue of jobs, the devices' threads, and jobs that are away from them.
 #pragma once
 
 #include <condition_variable>
@@ -44,7 +44,7 @@ class Engine::Impl final : public Others {
   void set_fresh(Work& work, bool is_fresh) {  // under mutex_
     waiting_.fresh += u32(is_fresh) - u32(std::exchange(work.is_fresh, is_fresh));
   }
-  /// Whether no other session had a device lately, nor, at the same time, another of its scenes.
+  /// True if no other session had a device lately, nor, at the same time, another of its scenes.
   [[nodiscard]] bool is_alone(const Origin& origin) const;
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_

@@ -72,13 +72,13 @@ class FairQueue {
   [[nodiscard]] bool empty() const { return root_.count == 0; }
   [[nodiscard]] std::size_t size() const { return root_.count; }
 
-  /// Whose turn it is among those of which `may(item)` holds, if there is one.
+  /// Turn of the next among those of which `may(item)` holds, if there is one.
   template <class May>
   [[nodiscard]] std::optional<Turn> next(const May& may) {
     return next_in(root_, may);
   }
 
-  /// What a turn cost, in seconds of the device.
+  /// Charges the cost of a turn, in seconds of the device.
   void charge(const Turn& turn, double cost) {
     for (Share* share = turn.line_; share != &root_; share = share->parent)
       share->used += cost / share->weight;
@@ -92,7 +92,7 @@ class FairQueue {
     return item;
   }
 
-  /// Takes out everything that `wanted(item)` says.
+  /// Takes out everything for which `wanted(item)` holds.
   template <class Wanted>
   [[nodiscard]] std::vector<T> take_if(const Wanted& wanted) {
     std::vector<T> taken;
@@ -123,7 +123,7 @@ class FairQueue {
     found.parent = &parent;
     return &found;
   }
-  /// What it used, less the turn that it may finish.
+  /// Amount that it used, less the turn that it may finish.
   [[nodiscard]] double place(const Share& share) const {
     return share.used - (share.is_served ? turn_ / share.weight : 0);
   }

@@ -15,7 +15,7 @@ class Preparer {
   Preparer(const Preparer&) = delete;
   Preparer& operator=(const Preparer&) = delete;
 
-  /// What has to be done before the next call; nothing: take() is quick.
+  /// Errands to do before the next call; none: take() is quick.
   [[nodiscard]] std::vector<Errand> next();
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> take();
 

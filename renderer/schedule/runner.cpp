@@ -21,7 +21,7 @@ namespace {
 constexpr double kAlone = 10;
 /// The share of a slice after which a fresh job comes in.
 constexpr double kSoon = 0.2;
-/// Of the device: many jobs that take turns report no more than one alone would.
+/// Device time between reports: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
 /// Samples per pixel before a picture may stop by its noise where light is focused: fewer may have

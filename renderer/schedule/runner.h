@@ -20,7 +20,7 @@ class Others {
   virtual void invite(const std::shared_ptr<Spread>& spread) = 0;
 };
 
-/// How a runner is paced and stopped.
+/// Pace and stop of a runner.
 struct RunnerContext {
   Backend& backend;
   Denoiser& denoiser;
@@ -42,15 +42,15 @@ class Runner {
 
   /// Runs on for a slice. True when the job is done; then result() has its status.
   [[nodiscard]] bool step();
-  /// What is to be done away from the device before the next step.
+  /// Takes what is to be done away from the device before the next step.
   [[nodiscard]] std::vector<Errand> take_errands() { return std::exchange(errands_, {}); }
   [[nodiscard]] const Status& result() const { return steps_.result(); }
   [[nodiscard]] u64 rays() const { return rays_before_; }
-  /// Of all pixels; a centre plane's ray counts as one.
+  /// Samples of all pixels; a centre plane's ray counts as one.
   [[nodiscard]] u64 samples() const {
     return samples_ + u64(in_range_ * double(kernels::kTilePixels));
   }
-  /// Of devices that helped.
+  /// Seconds of devices that helped.
   [[nodiscard]] double helper_seconds() const { return helper_seconds_; }
 
  private:
@@ -62,7 +62,7 @@ class Runner {
   [[nodiscard]] Steps run_cameras();
   [[nodiscard]] Steps run_worlds();
   [[nodiscard]] Steps make_pieces_of_worlds();
-  /// How many pictures of worlds go into one film.
+  /// Number of pictures of worlds that go into one film.
   [[nodiscard]] u32 at_once() const;
   /// One film that nothing is rendered of, and its pictures.
   struct Begun {
@@ -161,7 +161,7 @@ class Runner {
   Clock::time_point resumed_;
   double helper_seconds_ = 0;
   double used_before_ = 0;  // seconds of the device, in the slices before this one
-  double reported_ = 0;     // of them, when the last progress was told
+  double reported_ = 0;     // of them, when the last progress was reported
   std::vector<Errand> errands_;
   std::coroutine_handle<> paused_;
   Steps steps_;

@@ -1,4 +1,4 @@
-// What films are of: shots with their scenes, and frames without pixels.
+// Films of shots with their scenes, and frames without pixels.
 #include <algorithm>
 
 #include "renderer/base/parallel.h"

@@ -1,4 +1,4 @@
-// What is made of a film's samples: label columns, planes, frames. Large ones are made by workers.
+// Products of a film's samples: label columns, planes, frames. Large ones are made by workers.
 #include "renderer/base/guard.h"
 #include "renderer/frame/check.h"
 #include "renderer/frame/frame_header.h"
@@ -79,7 +79,7 @@ void Runner::remark(const Shot& shot, Frame& frame) const {
   std::ranges::move(remarks(*job_, scene->summary(), frame), std::back_inserter(frame.warnings));
 }
 
-/// What is of the whole film is told of its first picture.
+/// Emits the film's frames. Facts of the whole film are stated with its first picture.
 Steps Runner::emit(Film& film, bool final) {
   const Shot& shot = begun_.shots.front();
   const double cost = resolve_seconds(*job_, shot.camera), post = post_seconds(*job_, shot.camera);

@@ -5,8 +5,8 @@
 
 namespace heliograph {
 
-/// Whether other devices would be asked. What stops by its time or its noise, or shows passes, has
-/// steps that depend on the one before.
+/// True if other devices would be asked. A film that stops by its time or its noise, or shows
+/// passes, has steps that depend on the one before.
 bool Runner::is_spread(const Film& film) const {
   const StopRule& stop = job_->stop;
   if (!context_.others || packed_ || job_->progressive) return false;

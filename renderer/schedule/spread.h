@@ -15,7 +15,7 @@
 
 namespace heliograph {
 
-/// What of a job other devices do: its mean planes, of which they render some tiles.
+/// Part of a job that other devices do: its mean planes, of which they render some tiles.
 [[nodiscard]] std::shared_ptr<const RenderJob> sampled_job(const RenderJob& job);
 
 /// The tiles of a picture that wait for their samples. Devices claim runs of them, shorter ones
@@ -31,9 +31,9 @@ class Spread {
     Claim& operator=(Claim&&) = delete;
     ~Claim();
     [[nodiscard]] const TileRun& tiles() const { return tiles_; }
-    /// They are in the job's film.
+    /// Marks them as in the job's film.
     void done();
-    /// They are not there yet: collect() has them.
+    /// Hands over their sums, which are not in the film yet: collect() has them.
     void deliver(FilmPart part);
 
    private:
@@ -52,14 +52,14 @@ class Spread {
 
   /// Has a device help; false where it does already, or has failed to.
   [[nodiscard]] bool join(u32 device);
-  /// It may be asked again.
+  /// Lets it be asked again.
   void leave(u32 device);
 
   /// Nothing when all are claimed.
   [[nodiscard]] static std::optional<Claim> claim(const std::shared_ptr<Spread>& spread);
-  /// What was delivered since the last call.
+  /// Takes what was delivered since the last call.
   [[nodiscard]] std::vector<FilmPart> collect();
-  /// Whether every tile is done or was delivered.
+  /// True if every tile is done or was delivered.
   [[nodiscard]] bool is_complete() const;
   /// Returns when something is delivered or given up, or then.
   void wait(TimePoint until);

@@ -1,4 +1,4 @@
-// What waits for a device: render jobs and queries. Kept by engine_impl.cpp.
+// Work that waits for a device: render jobs and queries. Kept by engine_impl.cpp.
 #pragma once
 
 #include <functional>
@@ -22,7 +22,7 @@ struct Device {
   u64 spread_samples;  // EngineOptions::spread_samples
 };
 
-/// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
+/// A job or a query. Its owner calls step() until that returns that it is done, or refuse() once.
 class Work {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,16 +31,16 @@ class Work {
   virtual ~Work() = default;
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
-  /// Runs for a slice; true when it is done. Its result is told by the next call, finish().
+  /// Runs for a slice; true when it is done. Its result is reported by the next call, finish().
   [[nodiscard]] virtual bool step(const Device& device) = 0;
-  /// What is to be done away from the device before the next step.
+  /// Takes what is to be done away from the device before the next step.
   [[nodiscard]] virtual std::vector<Errand> take_errands() = 0;
   virtual void finish() = 0;
   /// After finish(): what may take long to free.
   [[nodiscard]] virtual std::shared_ptr<const void> take_remains() { return nullptr; }
   virtual void refuse(Error error) = 0;
   [[nodiscard]] virtual const Origin& origin() const = 0;
-  /// Whether it goes in the lane of labels and queries.
+  /// True if it goes in the lane of labels and queries.
   [[nodiscard]] virtual bool is_short() const = 0;
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
   [[nodiscard]] double waited_seconds() const {

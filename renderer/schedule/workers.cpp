@@ -101,14 +101,14 @@ void Workers::forget(const std::shared_ptr<Task>& task) {
   if (known != shared_.end() && known->second == task) shared_.erase(known);
 }
 
-/// Of medium errands so many run at once as there are threads for long ones: a second one has a
-/// thread only where the other is long.
+/// True if a thread may take a task. Of medium errands as many run at once as there are threads for
+/// long ones: a second one has a thread only where the other is long.
 bool Workers::may_take(const Task& task, const Post& post) const {
   if (task.runs || task.errand.seconds > post.most_seconds) return false;
   return !is_medium(task.errand) || medium_ < (post.threads < kManyCores ? 1 : 2);
 }
 
-/// Memory that ran out here runs out again, and is told, when the job needs what was to be made.
+/// Memory that ran out here runs out again, and is reported, when the job needs the result.
 void Workers::run(const Task& task, const Post& post, Arenas& arenas) {
   const Interrupt interrupt{.stop = task.stop.get_token(), .deadline = {}};
   const auto errand = [&] {

@@ -28,7 +28,7 @@ class Workers {
     u32 threads = 0;      // that the parts of one errand may have; 0: as many as there are cores
     double credit = 0.5;  // FairQueue
     double turn = 0.05;   // the same
-    /// Whether devices have had no work of others lately. Called from any thread.
+    /// True if devices have had no work of others lately. Called from any thread.
     std::function<bool(const Origin&)> is_alone = [](const Origin&) { return true; };
   };
   /// Errands that somebody waits for.
@@ -44,7 +44,7 @@ class Workers {
   };
 
   explicit Workers(const Options& options);
-  ~Workers();  // ends after the errands that run; what waits is dropped and told to nobody
+  ~Workers();  // ends after the errands that run; what waits is dropped and reported to nobody
 
   /// owner   lives until the errands have run
   void run(const std::shared_ptr<Group>& group, const Origin& origin, std::vector<Errand> errands,
@@ -64,12 +64,12 @@ class Workers {
     [[nodiscard]] bool is_shared() const { return errand.key != decltype(errand.key){}; }
   };
   using Queue = FairQueue<std::shared_ptr<Task>>;
-  /// What a thread takes, and with how many.
+  /// Size of errands that a thread takes, and with how many threads.
   struct Post {
     double most_seconds;
     u32 threads;
   };
-  /// Where it does errands: with all threads, and beside devices that are busy for others.
+  /// Arenas for errands: with all threads, and beside devices that are busy for others.
   struct Arenas {
     tbb::task_arena all, half;
   };

@@ -21,7 +21,7 @@ struct Caller {
   std::vector<std::string_view> names{};  // names of its certificate
 };
 
-/// What a tenant is granted.
+/// Grant of a tenant.
 struct Grant {
   double weight = 1;  // its share of the device against other tenants'
   Limits limits;      // only the limits of a tenant, tenant_*, apply

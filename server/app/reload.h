@@ -13,7 +13,7 @@ class Reload {
   /// Construct before the files are first read: later changes are noticed.
   explicit Reload(const Config& config);
   /// tls   null without TLS
-  /// When a changed file is wrong, the former content stays in force and the log says why.
+  /// When a changed file is wrong, the former content stays in force and the log states why.
   void start(Daemon& daemon, Tls* tls);
 
  private:

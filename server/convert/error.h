@@ -11,7 +11,7 @@
 
 namespace heliograph::server {
 
-/// Returns the status sent to the client, as errors.proto says. At most 4 KiB, since metadata is
+/// Returns the status sent to the client, as errors.proto states. At most 4 KiB, since metadata is
 /// limited: long lists and messages are cut. Internal errors are not spelled out.
 [[nodiscard]] google::rpc::Status to_proto(const Error& error);
 /// Returns the reason, the name of an ErrorReason without its prefix.

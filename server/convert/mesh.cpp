@@ -10,7 +10,7 @@ namespace {
 
 constexpr u64 kLargestCount = 0xfffffffeu;  // vertices: 2^32 - 2
 
-/// Whether a message says what rays meet: triangles or curves.
+/// True if a message has what rays meet: triangles or curves.
 bool has_primitives(const v1::Mesh& m) { return m.has_indices() || m.has_curves(); }
 
 bool has_topology(const v1::Mesh& m) {

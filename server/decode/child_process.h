@@ -21,7 +21,7 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
 
   [[nodiscard]] int socket() const { return socket_.get(); }
-  /// While it has nothing to say.
+  /// True if the process has ended; to be asked while it has nothing to report.
   [[nodiscard]] bool has_ended() const;
   /// Sends the job.
   [[nodiscard]] Status begin(const google::protobuf::MessageLite& job,

@@ -35,7 +35,7 @@ class DiskRoom {
   [[nodiscard]] Status take_reserve();
   void release_reserve();
   [[nodiscard]] u64 reserve() const { return reserve_; }
-  /// Of the disk.
+  /// Size of the disk, bytes.
   [[nodiscard]] u64 size() const { return size_; }
 
  private:

@@ -19,7 +19,7 @@ namespace heliograph::server {
 
 using CallClock = std::chrono::steady_clock;
 
-/// What bounds a call's duration, and so the limit beyond which it is slow.
+/// Bounds of a call's duration, and so the limit beyond which it is slow.
 enum class Pace {
   kShort,   // slow_call_seconds
   kRender,  // slow_render_seconds: it waits for the device, or for a decoder

@@ -23,7 +23,7 @@ struct Note {
 /// Returns the bytes that a note holds in memory.
 u64 bytes_of(const Note& note);
 
-/// Fills in the hashes of its frame or answer, as recording.proto says. The main cost of a note: 60
+/// Fills in the hashes of its frame or answer, as in recording.proto. The main cost of a note: 60
 /// ms for 12 MB on a CPU without SHA instructions.
 void hash(Note& note);
 

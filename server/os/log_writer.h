@@ -1,5 +1,5 @@
 // Sink of the log: a thread writes the lines that spdlog formatted. stderr may be a pipe that
-// nobody reads: logging never waits for it. docs/decisions/045 says why not spdlog's own.
+// nobody reads: logging never waits for it. docs/decisions/045 states why not spdlog's own.
 #pragma once
 
 #include <spdlog/sinks/base_sink.h>

@@ -22,7 +22,7 @@ class Watchdog {
     double hang_seconds = 4;    // a part stalled for longer is a fault
     double stuck_seconds = 60;  // a part that liveness needs, stalled for longer: not live
   };
-  /// What a stall of a part takes away.
+  /// Kinds of health that a stall of a part takes away.
   enum class Needs { kNothing, kLiveness, kReadiness };
   struct Part {
     std::string name;

@@ -41,7 +41,7 @@ class Budget {
   void set_limit(u64 limit) { limit_ = limit; }
   [[nodiscard]] const std::string& name() const { return text_.limit; }
 
-  // Of a total, before it is used:
+  // Totals only, before they are used:
   /// Sets each tenant's share to 1 / parts, or less where there are more tenants than parts.
   void set_parts(u64 parts) { parts_ = parts; }
   /// Sets the policy that admit() follows while the total is nearly full.
@@ -66,7 +66,7 @@ class Budget {
   const std::shared_ptr<Budget> total_;
   std::atomic<u64> used_ = 0;
   mutable std::mutex mutex_;
-  // Of a total:
+  // Totals only:
   u64 parts_ = 8;
   std::shared_ptr<const Overload> overload_;
   std::vector<const Budget*> tenants_;  // tenants that share this total

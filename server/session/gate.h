@@ -71,7 +71,7 @@ struct Credentials {
   }
 };
 
-/// What a call requires to be admitted.
+/// Requirements of a call to be admitted.
 enum class Needs {
   kNothing,     // an identity only
   kNewSession,  // opens a session: refused while the daemon drains

@@ -101,7 +101,7 @@ struct Camera {
   /// Longitude along x, latitude along y, all around; what lies ahead is in the middle.
   static Camera equirectangular(std::uint32_t width, std::uint32_t height);
 
-  /// Such a camera is rendered at its own size and does not tell where it sees a point: flow in
+  /// Such a camera is rendered at its own size and does not know where it sees a point: flow in
   /// pixels, disparity, tracks, and keypoints where a mesh has some, are kUnimplemented. Rays of
   /// another shape are kInvalidArgument.
   static Camera from_rays(RayTable rays);

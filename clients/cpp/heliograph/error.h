@@ -10,7 +10,7 @@
 
 namespace heliograph::client {
 
-/// gRPC's codes and numbers; docs/protocol.md says what each means.
+/// gRPC's codes and numbers; docs/protocol.md states what each means.
 enum class Code : int {
   kCancelled = 1,
   kUnknown = 2,

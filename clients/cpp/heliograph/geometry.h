@@ -1,4 +1,4 @@
-// What meshes, textures, volumes and the dome are made of, and the bundled shapes.
+// Parts of meshes, textures, volumes and the dome, and the bundled shapes.
 #pragma once
 
 #include <map>

@@ -51,7 +51,7 @@ struct Light {
 };
 
 /// A rectangle about the entity's origin that the dome shines through along the entity's -Z axis:
-/// it says where light comes in, so that rooms are less noisy. Metres along x and y.
+/// it marks where light comes in, so that rooms are less noisy. Metres along x and y.
 struct Portal {
   double width = 1;
   double height = 1;

@@ -65,7 +65,7 @@ struct Pose {
   Pose(Vec3 position) : Pose(position, Mat3::identity()) {}
   Pose(Vec3 position, const Mat3& rotation, Vec3 scale = {1, 1, 1});
 
-  /// A quaternion in the order that the name says; it is normalised. Length 0 is refused.
+  /// A quaternion in the order that the name gives; it is normalised. Length 0 is refused.
   static Pose wxyz(Vec3 position, std::array<double, 4> quaternion, Vec3 scale = {1, 1, 1});
   static Pose xyzw(Vec3 position, std::array<double, 4> quaternion, Vec3 scale = {1, 1, 1});
   /// Radians about the fixed x, then y, then z axis.

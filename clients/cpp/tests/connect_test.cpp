@@ -48,7 +48,7 @@ struct Setting {
   }
 };
 
-/// A local channel that takes connections and says nothing.
+/// A local channel that takes connections and sends nothing.
 struct Silent {
   int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
   explicit Silent(const std::string& path) {

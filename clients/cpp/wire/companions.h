@@ -10,7 +10,7 @@
 namespace heliograph::client::wire {
 
 /// The file that a model in `folder` calls `name` ("/" separates; it may begin with ".."): where it
-/// says, else the file of the same name beneath a folder that may be read, or in its
+/// points, else the file of the same name beneath a folder that may be read, or in its
 /// materials/textures or textures. Only what lies beneath `folder` or `folders` is found, links
 /// followed. The case of ASCII letters may differ.
 std::optional<std::filesystem::path> find_companion(const std::filesystem::path& folder,

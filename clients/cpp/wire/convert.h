@@ -34,7 +34,7 @@ void put_volume(const Medium& medium, Draft& draft, v1::Volume* out);
 void put_image(const Image& image, Draft& draft, v1::Texture* out);
 void put_dome(const Dome& dome, v1::Dome* out);
 
-/// server   of the daemon that is asked: it says which planes are averaged
+/// server   of the daemon that is asked: it reports which planes are averaged
 v1::RenderRequest to_request(const v1::GetServerInfoReply& server, std::uint64_t scene,
                              const std::vector<Ref>& cameras, const RenderOptions& options);
 

@@ -21,7 +21,7 @@ class PrivateDaemon {
 
   [[nodiscard]] const std::string& address() const;  // "unix:///path"
   bool is_dead();
-  /// Error that tells how the daemon ended, where it does so within `patience` seconds: exit code
+  /// Error that states how the daemon ended, where it does so within `patience` seconds: exit code
   /// and last lines.
   ClientError death(const std::string& message, double patience = 2);
   /// Kills a daemon that has no client yet, with its children.

@@ -47,7 +47,7 @@ class Patience {
     const auto left = end_ - std::chrono::steady_clock::now();
     return std::max(0.0, std::chrono::duration<double>(left).count());
   }
-  /// Sleeps, or says that there is no more time.
+  /// Sleeps, or reports that there is no more time.
   bool wait() {
     const auto now = std::chrono::steady_clock::now();
     if (now > end_) return false;
@@ -114,7 +114,7 @@ class Session : public std::enable_shared_from_this<Session> {
   bool resume(std::uint64_t openings, const ClientError& failure);
   /// Throws the error of a call that failed; kUnavailable where the session was resumed.
   void check(const grpc::Status& status);
-  /// Error of a call; tells how a private daemon died, if that is why.
+  /// Error of a call; states how a private daemon died, if that is why.
   ClientError error_of(const grpc::Status& status);
   [[nodiscard]] bool is_daemon_dead();
 

@@ -12,7 +12,7 @@ namespace heliograph::client::wire {
 Array studio_dome();
 
 struct DomeTexture {
-  std::string name;  // tells its content: the same dome is the same object
+  std::string name;  // names its content: the same dome is the same object
   v1::Texture message;
 };
 DomeTexture dome_texture(const Image& image, Draft& draft);

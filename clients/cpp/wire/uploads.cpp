@@ -70,7 +70,7 @@ void Uploads::push(std::string_view bytes, v1::UploadBlobRequest first) {
   do {
     const std::string_view chunk = bytes.substr(at, kChunkBytes);
     request.set_chunk(chunk.data(), chunk.size());
-    if (!writer->Write(request)) break;  // the status says why, or that the rest is not needed
+    if (!writer->Write(request)) break;  // the status states why, or that the rest is not needed
     request.Clear();
     at += chunk.size();
   } while (at < bytes.size());

@@ -37,7 +37,7 @@ class Loader {
       : builder_(builder), placed_(placed), keys_(builder) {}
 
   Asset::Animation load(const aiAnimation& clip, u32 index) {
-    constexpr double kUsual = 25;  // ticks a second, where a file says none
+    constexpr double kUsual = 25;  // ticks a second, where a file has none
     seconds_ = 1 / (clip.mTicksPerSecond > 0 ? clip.mTicksPerSecond : kUsual);
     Asset::Animation out{
         .name = clean_name(text_of(clip.mName), fmt::format("animation_{}", index)),

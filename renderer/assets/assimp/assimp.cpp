@@ -54,7 +54,7 @@ class Maker {
     const Shape* shape;
   };
 
-  /// Of FBX the root's pose is in z_up's.
+  /// Pose of a node relative to its parent. The pose of an FBX root is in z_up's.
   mat4x3 local_of(const aiNode& node) const {
     if (builder_.format == "fbx" && !node.mParent) return mat4x3(1);
     return matrix_of(node.mTransformation);
@@ -191,7 +191,7 @@ class Maker {
   void add_camera(const aiCamera& from) {
     const Placed* placed = placed_by(from.mName);
     const std::string name = clean_name(text_of(from.mName), "camera");
-    // Of 3DS the whole angle stands there, of others half of it.
+    // The whole angle stands there in 3DS, half of it in others.
     const double half = double(from.mHorizontalFOV) * (builder_.format == "3ds" ? 0.5 : 1);
     const bool is_seeing = half > 1e-3 && half < 0.49 * std::numbers::pi;
     if (!placed || (!is_seeing && from.mOrthographicWidth <= 0)) {

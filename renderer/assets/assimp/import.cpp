@@ -33,7 +33,7 @@ class OneFile : public Assimp::IOSystem {
   const std::span<const std::byte> bytes_;
 };
 
-/// Passes on as warnings what a reader says that it leaves out or mends.
+/// Passes on as warnings what a reader reports that it leaves out or mends.
 class Said : public Assimp::Logger {
  public:
   explicit Said(Builder& builder) : builder_(builder) {}
@@ -117,7 +117,7 @@ std::string head_of_3mf(std::span<const std::byte> bytes) {
   return head;
 }
 
-/// Centimetres, which the file's settings say.
+/// Centimetres, which the file's settings state.
 double unit_of_fbx(const aiScene& scene) {
   float unit = 1;
   if (scene.mMetaData) scene.mMetaData->Get("UnitScaleFactor", unit);

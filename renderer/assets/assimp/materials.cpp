@@ -20,8 +20,8 @@ Wrap wrap_of(aiTextureMapMode mode) {
   return mode == aiTextureMapMode_Wrap ? Wrap::kRepeat : Wrap::kClamp;
 }
 
-/// Of glTF's conventions: scale, then turn, then move, about the texture's bottom left corner.
-/// assimp turns about the middle.
+/// Texture transform by glTF's conventions: scale, then turn, then move, about the bottom left
+/// corner. assimp turns about the middle.
 glm::mat3x2 transform_of(const aiUVTransform& t) {
   const auto c = float(std::cos(t.mRotation)), s = float(std::sin(t.mRotation));
   const vec2 scale(t.mScaling.x, t.mScaling.y), move(t.mTranslation.x, t.mTranslation.y);

@@ -23,7 +23,7 @@ namespace heliograph::assets::assimp {
 /// The scene of the builder's model, which the importer owns.
 [[nodiscard]] const aiScene& import_scene(Assimp::Importer& importer, Builder& builder);
 /// Metres and +Z up of the scene's coordinates, whose root is the first node's parent: what the
-/// file says, or its format's custom, unless the caller says otherwise.
+/// file states, or its format's custom, unless the caller gives others.
 [[nodiscard]] mat4x3 world_from_scene(const aiScene& scene, const Builder& builder);
 
 // materials.cpp

@@ -23,7 +23,7 @@ Step split(std::string_view text, std::string_view marks) {
   return {text.substr(0, at), text.substr(at)};
 }
 
-/// Which of an element's numbers a member is; nullopt: it has none of that name.
+/// Index of a member among an element's numbers; nullopt: it has none of that name.
 std::optional<u32> index_of_member(std::string_view tag, std::string_view member) {
   static const std::map<std::string_view, u32> kNames = {
       {".X", 0}, {".Y", 1}, {".Z", 2}, {".ANGLE", 3}};
@@ -41,7 +41,7 @@ std::optional<u32> index_of_member(std::string_view tag, std::string_view member
   return index;
 }
 
-/// What a channel moves.
+/// Target of a channel.
 struct Target {
   Node element;
   u32 first = 0, width = 0;

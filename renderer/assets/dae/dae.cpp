@@ -14,7 +14,7 @@ namespace {
 
 using namespace dae;
 
-/// What <asset> says of axes and units, unless the caller says otherwise.
+/// Axes and units that <asset> states, unless the caller gives others.
 mat4x3 world_from_file(const Document& document, const Builder& builder) {
   const Node asset = document.root().child("asset");
   std::string up = builder.options.up;
@@ -36,7 +36,7 @@ mat4x3 world_from_file(const Document& document, const Builder& builder) {
   return mat4x3(mat4(float(metres) * z_up_from(up)));
 }
 
-/// What stands still has no use for nodes: each geometry is placed by all of those above it.
+/// Geometries without nodes, for which things at rest have no use: each is placed by all of those
 std::vector<Shown> placed(std::vector<Shown> all, Builder& builder) {
   std::erase_if(all, [&](Shown& shown) {
     const std::string where = place(shown.instance.parent());

@@ -61,7 +61,7 @@ double take_any(std::string_view& text, const std::string& where) {
 Document::Document(Builder& builder) {
   const BundleFile& model = builder.bundle.model();
   const std::string_view text = as_text(model.bytes);
-  // What pugixml allocates at most: a copy, a node for each tag and each text before one, and the
+  // Most that pugixml allocates: a copy, a node for each tag and each text before one, and the
   // attributes.
   constexpr u64 kNodeBytes = 96;
   builder.budget.take(text.size(), 1, model.path);

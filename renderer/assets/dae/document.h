@@ -50,7 +50,7 @@ inline constexpr u32 kNone = ~0u;  // an index that the file gives as -1, or not
                                             bool may_be_none = false);
 /// An attribute that is a whole number; refuses others.
 [[nodiscard]] u32 whole_attribute(const Node& node, const char* name, u32 absent);
-/// Where an <input>'s index stands among those of a corner or an influence.
+/// Place of an <input>'s index among those of a corner or an influence.
 [[nodiscard]] u32 offset_of(const Node& input);
 
 // materials.cpp
@@ -75,7 +75,7 @@ struct Shown {
   std::map<std::string, Node> material;  // by symbol
   u32 node = 0;                          // of the scene
   bool stands =
-      false;         // in the scene, whatever its node does: as a skin has it that says no weights
+      false;         // in the scene, whatever its node does: as a skin has it that gives no weights
   Node instance;     // the element that shows it
   Node skin, morph;  // that deform it
 };
@@ -98,7 +98,7 @@ struct Deformation {
 };
 [[nodiscard]] Deformation read_deformation(const Document& document, Builder& builder,
                                            const Shown& shown);
-/// Of <source>s within a controller or an animation: `width` numbers of each row.
+/// Rows of <source>s within a controller or an animation: `width` numbers of each.
 [[nodiscard]] std::vector<float> read_rows(const Document& document, const Node& input, u32 width,
                                            Budget& budget);
 [[nodiscard]] std::vector<std::string> read_names(const Document& document, const Node& input,
@@ -130,7 +130,7 @@ struct Geometry {
     std::shared_ptr<const Deformation> deformation = {});
 
 // looks.cpp
-/// What an entity has of what is shown: its mesh and materials.
+/// Appearance of an entity that shows something: its mesh and materials.
 struct Look {
   PutEntity put;
   Geometry geometry;
@@ -148,8 +148,8 @@ struct Look {
 }
 
 // samplers.cpp
-/// Of a <sampler>: `width` numbers a key, linear between them. `angle`: which of them turns, by
-/// degrees. nullopt: it has no keys.
+/// Curve of a <sampler>: `width` numbers per key, linear between them. `angle`: which of them
+/// turns, by degrees. nullopt: it has no keys.
 [[nodiscard]] std::optional<Curve> read_curve(const Document& document, Builder& builder,
                                               const Node& sampler, u32 width,
                                               std::optional<u32> angle);
@@ -167,7 +167,7 @@ struct Clip {
   double start, end;  // seconds; what lies outside is cut off
   std::vector<Channel> channels;
 };
-/// Those of which something moves that the scene shows.
+/// Clips that move something that the scene shows.
 [[nodiscard]] std::vector<Clip> read_clips(const Document& document, Builder& builder,
                                            const Scene& scene);
 

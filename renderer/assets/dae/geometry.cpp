@@ -11,7 +11,7 @@
 namespace heliograph::assets::dae {
 namespace {
 
-/// What an <input> refers to: rows of numbers.
+/// Target of an <input>: rows of numbers.
 struct Source {
   const std::vector<double>* numbers = nullptr;
   u32 count = 0, stride = 1, offset = 0, width = 0;
@@ -40,7 +40,7 @@ struct Input {
 };
 using Inputs = std::array<Input, kAttributes>;
 
-/// Which row of each source, kNone where there is none, and the primitive they are of.
+/// Row of each source, kNone where there is none, and the primitive they are of.
 struct Corner {
   u32 primitive = 0;
   std::array<u32, kAttributes> rows{kNone, kNone, kNone, kNone};

@@ -1,4 +1,4 @@
-// What is shown as meshes and materials of the library.
+// Shown geometries as meshes and materials of the library.
 #include <algorithm>
 #include <set>
 #include <tuple>

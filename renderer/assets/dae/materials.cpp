@@ -117,7 +117,7 @@ class Reader {
                           .wrap_v = wrap_of(sampler, "wrap_t")});
   }
 
-  /// Source: COLLADA 1.5.0, "Determining Transparency". Files that say that nothing is to be seen
+  /// Source: COLLADA 1.5.0, "Determining Transparency". Files that state that nothing is to be seen
   /// mean the opposite: exporters disagree about the sense of the number.
   void transparency(PutMaterial& put) {
     const auto transparent = value("transparent", false);

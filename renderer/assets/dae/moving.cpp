@@ -1,4 +1,4 @@
-// What a COLLADA file moves: its nodes as entities, as glTF's are, below "z_up".
+// Moving parts of a COLLADA file: its nodes as entities, as glTF's are, below "z_up".
 #include <algorithm>
 #include <array>
 #include <cmath>

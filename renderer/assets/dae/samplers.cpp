@@ -121,7 +121,7 @@ class Reader {
 
   [[nodiscard]] const float* value(std::size_t key) const { return &values_[key * width_]; }
 
-  /// Of one number between two keys. A tangent that is absent points to the other key.
+  /// Curve of one number between two keys. A tangent that is absent points to the other key.
   [[nodiscard]] Bezier bezier(std::size_t from, std::size_t to, u32 column) const {
     const double t0 = times_[from], t3 = times_[to];
     const double v0 = value(from)[column], v3 = value(to)[column];
@@ -167,7 +167,7 @@ class Reader {
     push(times_[to], value(to));
   }
 
-  /// By number; empty where lines say the same.
+  /// Curves by number; empty where lines are the same.
   [[nodiscard]] std::vector<Bezier> curved(std::size_t from, std::size_t to) const {
     std::vector<Bezier> curves;
     if (kinds_[from] == Kind::kLinear) return curves;

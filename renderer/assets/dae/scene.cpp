@@ -67,7 +67,7 @@ class Walker {
 
   // ---------------------------------------------------------------- skins and morph targets
 
-  /// What a controller deforms; where nothing says how, as its first joint has it.
+  /// Shows what a controller deforms; where nothing states how, as its first joint has it.
   void show_deformed(const Node& instance, Shown shown) {
     const std::string where = place(instance.parent());
     Node controller = document_.linked(instance.attribute("url").value(), "controller", where);

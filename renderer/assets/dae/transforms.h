@@ -8,7 +8,7 @@
 
 namespace heliograph::assets::dae {
 
-/// How many numbers an element has if it is a transformation; 0: it is none. Refuses those that are
+/// Count of numbers of an element if it is a transformation; 0: it is none. Refuses those that are
 /// not read.
 [[nodiscard]] u32 transform_width(const Node& element);
 /// parent_from_child of a transformation with these numbers in the place of its own.
@@ -17,7 +17,7 @@ namespace heliograph::assets::dae {
 [[nodiscard]] std::optional<mat4x3> transform_of(const Node& element, Budget& budget);
 /// Refuses a pose with a number that is not.
 void check_finite(const mat4x3& pose, const Node& node);
-/// Of the 16 numbers of a <matrix> or a part of a skin, by rows.
+/// Matrix of the 16 numbers of a <matrix> or a part of a skin, by rows.
 [[nodiscard]] mat4x3 matrix_of(std::span<const float> numbers, const Node& element);
 
 }  // namespace heliograph::assets::dae

@@ -72,7 +72,7 @@ class Loader {
     std::string path;
   };
 
-  /// What a channel animates; nullopt, with a warning: not a property of a node.
+  /// Property that a channel animates; nullopt, with a warning: not a property of a node.
   std::optional<Property> property_of(const Value& target) {
     const std::string path = target.at("path").text();
     if (const auto extension = target.extension("KHR_animation_pointer");

@@ -119,7 +119,7 @@ class Baker {
   }
 
  private:
-  /// Whether the roughness is the same everywhere, or lies on the surface as the anisotropy does.
+  /// True if the roughness is the same everywhere, or lies on the surface as the anisotropy does.
   bool has_roughness_beside() {
     const auto& rough = parameter(roughness).texture;
     return !rough || (has_levels(*textures_.image(*rough)) &&

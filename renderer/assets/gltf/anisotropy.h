@@ -5,7 +5,7 @@
 
 namespace heliograph::assets::gltf {
 
-/// What a material says of it.
+/// Anisotropy as a material states it.
 struct Anisotropy {
   std::string where;
   double strength = 0;

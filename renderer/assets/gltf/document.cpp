@@ -37,7 +37,7 @@ constexpr std::array kHonoured = std::to_array<std::string_view>({
     "KHR_node_visibility",
     "KHR_texture_basisu",
     "KHR_texture_transform",
-    "KHR_xmp_json_ld",  // says nothing of what is seen
+    "KHR_xmp_json_ld",  // does not change what is seen
 });
 
 constexpr const char* kMeshopt = "EXT_meshopt_compression";

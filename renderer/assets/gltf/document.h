@@ -41,7 +41,7 @@ void with_type(Component type, const F& f) {
 }
 [[nodiscard]] u32 bytes_of(Component type);
 
-/// What an accessor has that was packed: elements without gaps.
+/// Elements, without gaps, of an accessor that was packed.
 struct Unpacked {
   std::vector<std::byte> bytes;
   u64 count = 0;
@@ -73,11 +73,11 @@ class Document {
 
   /// From now on the accessor that this value names has these elements, whatever its view holds.
   void unpacked(const Value& accessor, Unpacked elements);
-  /// Those of an accessor; null: what its view holds.
+  /// Elements of an accessor that unpacked() has set; null: those of its view.
   [[nodiscard]] const Unpacked* find_unpacked(const Value& accessor) const;
 
-  /// The bytes of an image or a light profile, whose `uri` or `bufferView` says where they are, and
-  /// the media type or file name that says what they are; nullopt when the bundle lacks the file
+  /// The bytes of an image or a light profile, whose `uri` or `bufferView` locates them, and
+  /// the media type or file name that gives what they are; nullopt when the bundle lacks the file
   /// (reported as missing).
   struct LinkedBytes {
     Bytes bytes;
@@ -110,7 +110,7 @@ class Document {
   std::map<u32, Unpacked> accessors_;
 };
 
-/// What a buffer view with EXT_meshopt_compression, which `value` is, packs into `bytes`.
+/// Decodes what a buffer view with EXT_meshopt_compression, which `value` is, packs into `bytes`.
 [[nodiscard]] std::vector<std::byte> decode_meshopt(const Value& value, Bytes bytes,
                                                     Budget& budget);
 
@@ -122,7 +122,7 @@ struct Shape {
   const char* name;
 };
 
-/// What an element with a number that is NaN or infinite is.
+/// Treatment of an element with a number that is NaN or infinite.
 enum class NonFinite : u8 { kRefused, kZeros };
 
 /// All components as floats, normalised integers mapped to [0, 1] or [-1, 1]; finite.

@@ -162,7 +162,7 @@ class Reader {
     }
   }
 
-  /// Without a thickness a transmitting surface is a thin sheet. With one the mesh itself says how
+  /// Without a thickness a transmitting surface is a thin sheet. With one the mesh itself shows how
   /// far light travels inside.
   void volume() {
     const auto inside = value_.extension("KHR_materials_volume");
@@ -248,7 +248,7 @@ void adapt_channels(PutMaterial& put, const Textures& textures) {
   }
 }
 
-/// Whether a normal map or stretched highlights lie along the first texture coordinates. Normal
+/// True if a normal map or stretched highlights lie along the first texture coordinates. Normal
 /// maps of the second take the tangents of triangles.
 bool wants_tangents(const Reader::Result& read) {
   const auto is_first = [](const Boxed<TextureUsePatch>& map) {

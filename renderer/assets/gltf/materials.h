@@ -5,7 +5,7 @@
 
 namespace heliograph::assets::gltf {
 
-/// What the rest of the loader asks about materials.
+/// Materials as the rest of the loader needs them.
 struct Materials {
   std::vector<Ref> refs;             // by glTF material index
   std::vector<bool> wants_tangents;  // by glTF material index: along TEXCOORD_0

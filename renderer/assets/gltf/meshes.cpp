@@ -39,7 +39,7 @@ bool has_morph_normals(const Piece& piece) { return !piece.vertices.morph_normal
 MeshData merge(std::vector<Piece>& pieces) {
   if (pieces.size() == 1) return std::move(pieces.front().vertices);
   MeshData all;
-  // Of the optional arrays the merged mesh has those that any piece has.
+  // The merged mesh has those optional arrays that any piece has.
   const auto join = [&]<class T>(std::vector<T> MeshData::* array, const T& fill) {
     const auto has = [&](const Piece& piece) { return !(piece.vertices.*array).empty(); };
     if (std::ranges::none_of(pieces, has)) return;

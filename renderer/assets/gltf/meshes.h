@@ -19,10 +19,10 @@ struct Mesh {
 [[nodiscard]] std::vector<Mesh> load_meshes(const Document& document, Builder& builder,
                                             const Materials& materials);
 
-/// The weights of morph targets that a mesh or a node says; empty: it says none.
+/// The weights of morph targets that a mesh or a node gives; empty: it gives none.
 [[nodiscard]] std::vector<float> read_weights(const Value& owner, u32 targets);
 
-/// Whether some primitive names no material.
+/// True if some primitive names no material.
 [[nodiscard]] bool any_without_material(const Document& document, std::optional<u32> variant);
 
 }  // namespace heliograph::assets::gltf

@@ -6,7 +6,7 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-/// What the extension says of a buffer view.
+/// Parameters of the extension for a buffer view.
 struct Packed {
   Value value;
   Bytes bytes;

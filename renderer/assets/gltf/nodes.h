@@ -26,7 +26,7 @@ struct Entities {
   std::vector<std::optional<u32>> node;  // entity of each node; nullopt: not in the scene
   std::vector<std::optional<u32>> mesh;  // entity that shows its mesh; may be another
 };
-/// What entities name.
+/// Objects that entities name.
 struct Library {
   std::vector<Mesh> meshes;
   std::vector<std::optional<Ref>> profiles;  // of lights; without: nobody has its file

@@ -115,7 +115,7 @@ std::vector<T> read_order(const Document& document, const Value& primitive, u32 
   return order;
 }
 
-/// Those of a strip (mode 5) or a fan.
+/// Triangles of a strip (mode 5) or a fan.
 std::vector<uvec3> joined(const std::vector<u32>& order, bool is_strip, std::size_t count) {
   std::vector<uvec3> triangles;
   triangles.reserve(count);

@@ -1,4 +1,4 @@
-// What paths do where they arrive.
+// Paths that arrive.
 #include "renderer/backend/cuda/program.h"
 
 using namespace heliograph::kernels;

@@ -48,10 +48,10 @@ MeshArrays lay_mesh(Layout& layout, const kernels::MeshView& mesh) {
   return made;
 }
 
-/// Whether one block sorts all.
+/// True if one block sorts all keys.
 bool is_few(const BuildLaunch& launch) { return launch.sort_blocks == 1; }
 
-/// What a build works on besides its input and its result.
+/// Lays out what a build works on besides its input and its result.
 void lay_work(Layout& layout, u64 mesh_boxes, BuildLaunch& launch) {
   kernels::BuildView& tree = launch.tree;
   const u64 count = tree.count;

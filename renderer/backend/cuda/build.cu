@@ -135,7 +135,7 @@ __device__ void put_task(const BuildView& view, const BuildTask& task) {
   __threadfence();
   *const_cast<volatile u32*>(&to.node) = task.node;
 }
-/// Whether the task is there.
+/// True if the task is there.
 __device__ bool take_task(const BuildView& view, u32 i, BuildTask& task) {
   if (i == 0) {
     task = root_task(view);
@@ -213,7 +213,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
 
 namespace {
 
-/// Where an item of the tree that was there is now.
+/// Takes up where an item of the tree that was there is now.
 __device__ void refit_item(const BuildLaunch& l, u32 i, const BvhBox& box) {
   l.before.boxes[i] = box;
   if ((i < l.before.tree->items) == box.empty()) l.before.head->fits = 0;

@@ -17,7 +17,7 @@ struct BuildInput {
   u32 left_out_count = 0;
   /// A tree over as many instances, most of them where these are; null: there is none.
   const DeviceMemory* before = nullptr;
-  /// Whether there is a tree.
+  /// True if there is a tree.
   [[nodiscard]] bool has_tree() const { return left_out_count < count; }
 };
 
@@ -47,7 +47,7 @@ class TreeBuilder {
       const kernels::MeshView& mesh, const MeshBefore& before = {}) const;
 
  private:
-  /// What a tree is made of, and where it begins and ends.
+  /// Input of a kind of tree, and where it begins and ends.
   struct Kind {
     FunctionHandle boxes, items, refit;
     float item_cost;

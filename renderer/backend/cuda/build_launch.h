@@ -1,4 +1,4 @@
-// What the host tells the programs that build trees. Read by build.cu.
+// Arguments of the programs that build trees. Read by build.cu.
 #pragma once
 
 #include "kernels/bvh/bvh_cluster.h"
@@ -24,7 +24,7 @@ struct SortCounts {
   u32 blocks[kSortPasses];               // that have begun a pass
 };
 
-/// What a refit finds out. Begins as bytes of 0xff.
+/// Results of a refit. Begins as bytes of 0xff.
 struct RefitHead {
   u32 fits;    // 0: other items are in the tree than before
   u32 builds;  // 0: the refitted tree is good, and none is built

@@ -1,4 +1,4 @@
-// What the programs that build trees share.
+// Code that the programs that build trees share.
 #pragma once
 
 #include "renderer/backend/cuda/build_launch.h"
@@ -6,7 +6,7 @@
 
 namespace heliograph::cuda {
 
-/// Whether a tree is to be built: none was there that could be refitted.
+/// True if a tree is to be built: none was there that could be refitted.
 __device__ inline bool builds(const BuildLaunch& l) {
   return !l.before.nodes || l.before.head->builds != 0;
 }

@@ -59,11 +59,11 @@ struct LaunchSize {
   u32 threads;
 };
 
-/// Where work queues up. What lies aside of the other lane goes on at the same time as that.
+/// Queues of work. What lies aside of the other lane goes on at the same time as that.
 enum class Lane : u8 { kMain, kAside };
 
-/// Work goes to the device in the order of a lane's calls, the main one's unless they say so; those
-/// that say so wait for it. Memory comes and goes with the main lane. Errors:
+/// Work goes to the device in the order of a lane's calls, the main one's unless stated; calls wait
+/// for it where that is stated. Memory comes and goes with the main lane. Errors:
 /// RESOURCE_EXHAUSTED without memory, which costs nothing but the call; everything else is
 /// UNAVAILABLE, and the context is lost.
 /// Thread: any that entered it; downloads and waits are of the device's.
@@ -84,7 +84,7 @@ class Context : public std::enable_shared_from_this<Context> {
   void abandon();
   /// Makes this the calling thread's context.
   [[nodiscard]] Status enter() const;
-  /// Within the budget. RESOURCE_EXHAUSTED says what is needed and what there is.
+  /// Within the budget. RESOURCE_EXHAUSTED states what is needed and what there is.
   [[nodiscard]] Expected<DeviceMemory> allocate(u64 bytes);
   [[nodiscard]] Expected<DeviceMemory> zeroed(u64 bytes);
   /// The bytes may change as soon as it returns.
@@ -106,22 +106,22 @@ class Context : public std::enable_shared_from_this<Context> {
   /// arguments   of the program, one after the other
   [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
                               Lane lane = Lane::kMain);
-  /// What comes aside next comes after what the main lane has so far.
+  /// Makes what comes aside next come after what the main lane has so far.
   [[nodiscard]] Status fork();
-  /// What comes next comes after what goes on aside. To be called before memory that it uses is
-  /// freed; of a lost context nothing goes on. Thread: any, one at a time.
+  /// Makes what comes next come after what goes on aside. To be called before memory that it uses
+  /// is freed; of a lost context nothing goes on. Thread: any, one at a time.
   [[nodiscard]] Status join();
 
   [[nodiscard]] const std::string& name() const { return name_; }
   /// As the driver counts.
   [[nodiscard]] Device index() const { return index_; }
   [[nodiscard]] StreamHandle stream() const { return stream_; }
-  /// Whether it is the one context of the process that libraries use by themselves.
+  /// True if it is the one context of the process that libraries use by themselves.
   [[nodiscard]] bool is_primary() const { return is_primary_; }
   [[nodiscard]] u32 processors() const { return processors_; }
   [[nodiscard]] MemoryBudget& budget() { return pool_.budget(); }
   [[nodiscard]] const MemoryBudget& budget() const { return pool_.budget(); }
-  /// Of all uploads so far. Thread: any.
+  /// Bytes of all uploads so far. Thread: any.
   [[nodiscard]] u64 uploaded_bytes() const { return uploaded_.load(std::memory_order_relaxed); }
   [[nodiscard]] bool is_lost() const { return lost_.load(std::memory_order_relaxed); }
   [[nodiscard]] ExportDevice export_device() {
@@ -149,7 +149,7 @@ class Context : public std::enable_shared_from_this<Context> {
     std::span<std::byte> to;  // of the copy on its way; empty: none is
   };
   [[nodiscard]] Status finish(Stage& stage);
-  /// What `after` does next it does after what `before` was given, which `event` says is done.
+  /// Makes what `after` does next wait for what `before` was given, which `event` marks as done.
   [[nodiscard]] Status order(StreamHandle before, StreamHandle after, EventHandle event);
   [[nodiscard]] StreamHandle stream_of(Lane lane) const {
     return lane == Lane::kMain ? stream_ : aside_;

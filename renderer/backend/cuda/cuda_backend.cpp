@@ -20,9 +20,9 @@ namespace {
 /// Copies of scenes that the store does not keep, so that the next one finds what it has in common
 /// with them.
 constexpr std::size_t kOthersKept = 8;
-/// Of the device's memory, this share at most is of arrays that are on the host, too.
+/// Share of the device's memory, at most, of arrays that are on the host, too.
 constexpr u64 kTwinShare = 16;
-/// Of the pictures of a film: as many as a wave has paths.
+/// Pixels and pictures of a film: as many as a wave has paths.
 constexpr u64 kFilmPixels = 1 << 20, kMostPictures = 256;
 
 host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
@@ -99,7 +99,7 @@ class CudaBackend final : public host::HostBackend {
  private:
   [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(const SceneOrder& order);
   void keep(const std::shared_ptr<const CudaScene>& scene);
-  /// Those of scenes that the store keeps no more.
+  /// Drops the copies of scenes that the store keeps no more.
   void drop_copies();
   /// f() and its parallel parts, by a thread that has entered the context: where the arena is full
   /// that is not the caller.
@@ -122,7 +122,7 @@ class CudaBackend final : public host::HostBackend {
   std::unique_ptr<CudaDenoiser> denoiser_;  // once it was asked for
   std::optional<Error> no_denoiser_;        // why there never is one
   const DeviceInfo info_;
-  /// Of the budget, too, which outlives this while a client has a frame.
+  /// Latest copies. The budget refers to them, too, and outlives this while a client has a frame.
   const std::shared_ptr<Recent<CudaScene>> recent_ =
       std::make_shared<Recent<CudaScene>>(kOthersKept);
 };
@@ -256,7 +256,7 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
 }
 
 Expected<u32> gpu_count() {
-  if (programs().empty()) return 1;  // make_cuda_backend() says why there is none
+  if (programs().empty()) return 1;  // make_cuda_backend() reports why there is none
   const auto driver = load_driver();
   if (!driver) return std::unexpected(driver.error());
   int devices = 0;

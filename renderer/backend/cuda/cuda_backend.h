@@ -9,7 +9,7 @@ namespace heliograph::cuda {
 /// make_backend().
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& options);
 
-/// How many GPUs the driver shows. Fails like make_cuda_backend().
+/// Number of GPUs that the driver shows. Fails like make_cuda_backend().
 [[nodiscard]] Expected<u32> gpu_count();
 
 }  // namespace heliograph::cuda

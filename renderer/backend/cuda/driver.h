@@ -110,7 +110,7 @@ struct Driver {
   [[nodiscard]] std::string describe(Result result) const;
 };
 
-/// Whether the driver answers with this for as long as the process lives, in every context, those
+/// True if the driver answers with this for as long as the process lives, in every context, those
 /// that are made after it too.
 ///
 /// Source: cuda.h (13.0), CUresult: "leaves the process in an inconsistent state and any further

@@ -97,7 +97,7 @@ bool ExportedMemory::map() {
   return is_mapped_ && driver.access(at_, bytes_, &access, 1) == 0 && source_->zero(at_, bytes_);
 }
 
-/// What a job left behind may still write there. Mappings and what is mapped belong to no context.
+/// Jobs left behind may still write there. Mappings and what is mapped belong to no context.
 ExportedMemory::~ExportedMemory() {
   const Driver& driver = device_.driver;
   {

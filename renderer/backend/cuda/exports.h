@@ -10,7 +10,7 @@
 
 namespace heliograph::cuda {
 
-/// What a device takes, by the programs of take.cu; null: nothing.
+/// Kinds that a device takes, by the programs of take.cu; null: nothing.
 struct Takes {
   FunctionHandle floats = nullptr, poses = nullptr, poses_f64 = nullptr;
   u64 fewest = 1 << 20;  // bytes; fewer are on the host sooner

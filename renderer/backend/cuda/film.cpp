@@ -322,7 +322,7 @@ Status CudaFilm::download(std::vector<Download> pieces) {
   return {};
 }
 
-/// A lost device says nothing here; the next call says so.
+/// A lost device reports nothing here; the next call does.
 Noise CudaFilm::noise() const { return measured_noise().value_or(Noise{}); }
 
 Expected<Noise> CudaFilm::measured_noise() const {

@@ -1,4 +1,4 @@
-// What becomes of samples: sums, planes, noise.
+// Uses of samples: sums, planes, noise.
 #include "renderer/backend/cuda/program.h"
 
 using namespace heliograph::kernels;

@@ -22,7 +22,7 @@ struct SceneOrder {
 /// Finds the device's copy, or makes it.
 using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(const SceneOrder&)>;
 
-/// What a film is made with.
+/// Tools for making a film.
 struct FilmTools {
   Mirror& mirror;
   const Programs& programs;
@@ -49,7 +49,7 @@ class CudaFilm final : public Film {
     return rays_.load(std::memory_order_relaxed) + rays_elsewhere_;
   }
   [[nodiscard]] u32 pictures() const { return u32(pictures_.size()); }
-  /// What its pictures show. All copies are there.
+  /// Scenes that its pictures show. All copies are there.
   [[nodiscard]] const std::vector<std::shared_ptr<const CudaScene>>& scenes() const {
     return scenes_;
   }
@@ -62,11 +62,11 @@ class CudaFilm final : public Film {
   [[nodiscard]] Status put(const FilmPart& part) override;
   /// Starts it beside samples.
   [[nodiscard]] Status probe();
-  /// What Backend::resolve() says.
+  /// Resolves as Backend::resolve() states.
   ///
   /// denoiser   null: there is none
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(CudaDenoiser* denoiser);
-  /// Of the first picture.
+  /// Noise of the first picture.
   [[nodiscard]] Noise noise() const override;
   /// Brings the centre plane that labels read to the pictures on the host.
   [[nodiscard]] Status fetch_label_planes();
@@ -87,7 +87,7 @@ class CudaFilm final : public Film {
   [[nodiscard]] const CudaScene* copy_of(const ResidentScene* scene) const;
   [[nodiscard]] kernels::CameraView copy(const kernels::CameraView& camera);
   [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film, u32 picture) const;
-  /// Of what the samples so far become.
+  /// Launch that turns the samples so far into planes.
   [[nodiscard]] Expected<ResolveLaunch> resolve_launch() const;
   /// Makes planes that lie in device memory.
   [[nodiscard]] Status launch_resolve(ResolveLaunch& launch, const kernels::PlaneOut& out) const;
@@ -108,7 +108,7 @@ class CudaFilm final : public Film {
   [[nodiscard]] Status download(std::vector<Download> pieces);
   /// Starts what fills film planes.
   [[nodiscard]] Status fill(std::span<Resolved> planes);
-  /// What comes next finds the centre planes.
+  /// Makes what comes next find the centre planes.
   [[nodiscard]] Status join_probes();
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 

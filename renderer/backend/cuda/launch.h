@@ -1,4 +1,4 @@
-// What the host tells the GPU programs. Read by the .cu files beside it.
+// Arguments of the GPU programs. Read by the .cu files beside it.
 #pragma once
 
 #include "kernels/bvh/bvh.h"
@@ -10,9 +10,9 @@ namespace heliograph::cuda {
 using kernels::u32;
 using kernels::u64;
 
-inline constexpr u32 kThreads = 128;  // of a block, unless a program says otherwise
+inline constexpr u32 kThreads = 128;  // of a block, unless a program has others
 
-/// What a round of programs has to do, as counted by those before it. A round traces, with the rays
+/// Work of a round of programs, as counted by those before it. A round traces, with the rays
 /// of light that the round before left, and lets arrive. Pairs are counted by one operation.
 struct alignas(8) WaveRound {
   u32 active, lights;        // entries of WaveLaunch::active and of WaveLaunch::lit
@@ -29,7 +29,7 @@ struct FilmCounters {
   u64 rays;  // of samples that were folded, and of centre planes
 };
 
-/// What samples are taken of; everything lies in device memory.
+/// Scene and view that samples are taken of; everything lies in device memory.
 struct WaveShot {
   kernels::ShotView view;
   kernels::BvhView bvh;
@@ -48,7 +48,7 @@ struct WaveLaunch {
   u64* rays;  // of the film
 };
 
-/// What the sums of films become. Everything lies in device memory.
+/// Films whose sums become planes or noise. Everything lies in device memory.
 struct ResolveLaunch {
   const kernels::FilmView* films;  // of one size
   u32 pictures;
@@ -67,7 +67,7 @@ struct ProbeEnd {
   bool wanted;
 };
 
-/// Of a picture. In device memory.
+/// Probe of a picture. In device memory.
 struct ProbeLaunch {
   ProbeEnd now, forward, backward;
   kernels::CameraView disparity;

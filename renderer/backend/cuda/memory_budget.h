@@ -35,7 +35,7 @@ class MemoryBudget {
   [[nodiscard]] u64 used() const;
 
  private:
-  /// How much there is where it is too little; nothing: it was taken.
+  /// Bytes that there are, if too few; nothing: they were taken.
   [[nodiscard]] std::optional<u64> try_take(u64 bytes);
 
   u64 bytes_;

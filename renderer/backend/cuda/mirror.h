@@ -31,7 +31,7 @@ class Mirror {
     return find(host.data(), host.size()) != nullptr;
   }
   [[nodiscard]] Context& context() const { return *context_; }
-  /// Whether bytes of the host have a twin, so that fill() takes them from there.
+  /// True if bytes of the host have a twin, so that fill() takes them from there.
   [[nodiscard]] bool has_twin(std::span<const std::byte> host) const {
     return twins_ && twins_->has(host);
   }
@@ -60,7 +60,7 @@ class Copies {
  public:
   explicit Copies(Mirror& mirror) : mirror_(&mirror) {}
 
-  /// Where the copy of an array lies that lives as long as these copies.
+  /// Place of the copy of an array that lives as long as these copies.
   template <class T>
   [[nodiscard]] const T* of(const T* host, u64 count) {
     return static_cast<const T*>(shared(std::as_bytes(std::span(host, host ? count : 0))));
@@ -90,12 +90,12 @@ class Copies {
   [[nodiscard]] T* room(u64 count) {
     return static_cast<T*>(bytes(count * sizeof(T)));
   }
-  /// Where Mirror::made() lies.
+  /// Place of Mirror::made().
   template <class F>
   [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
     return status_ ? hold(mirror_->made(from, make)) : nullptr;
   }
-  /// What waits goes to the device, for what it is told next.
+  /// Sends what waits to the device, for its next work.
   void send();
   /// A refusal counts what the scene needs beside what was there already, as far as it is known:
   /// what is built on the device is not.

@@ -1,4 +1,4 @@
-// What the host tells the program that makes instances. Read by place.cu.
+// Arguments of the program that makes instances. Read by place.cu.
 #pragma once
 
 #include "kernels/geometry/place.h"

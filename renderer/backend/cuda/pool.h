@@ -9,7 +9,7 @@
 
 namespace heliograph::cuda {
 
-/// Whose pool it is.
+/// Owner of a pool.
 struct PoolOwner {
   Device device = 0;
   ContextHandle context = nullptr;
@@ -18,8 +18,8 @@ struct PoolOwner {
 
 inline constexpr Result kOutOfMemory = 2;  // CUDA_ERROR_OUT_OF_MEMORY
 
-/// What is freed stays in the pool for what comes next, while the budget has room for that beside
-/// what is in use. Memory beside the pool is of the same budget.
+/// Pool of device memory. Freed memory stays for what comes next, while the budget has room for it
+/// beside what is in use. Memory beside the pool is of the same budget.
 /// Thread: any. Asking for memory needs the owner's context, freeing enters it.
 class Pool {
  public:
@@ -32,7 +32,7 @@ class Pool {
   /// Room in the budget, before anything is allocated. RESOURCE_EXHAUSTED.
   [[nodiscard]] Status take(u64 bytes);
   void give_back(u64 bytes);
-  /// What the driver says to it. Gives up what nobody uses before that is out of memory.
+  /// Returns the driver's answer. Gives up what nobody uses before that is out of memory.
   ///
   /// bytes   that were taken
   [[nodiscard]] Result allocate(DevicePointer* at, u64 bytes);

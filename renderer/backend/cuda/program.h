@@ -1,5 +1,5 @@
-// What the GPU programs share: each .cu beside this file is some programs, compiled by itself. A
-// thread works on an item of a wave, on a pixel or on a tile.
+// Code that the GPU programs share: each .cu beside this file is some programs, compiled by itself.
+// A thread works on an item of a wave, on a pixel or on a tile.
 #pragma once
 
 #include "kernels/bvh/bvh_tracer.h"
@@ -31,7 +31,7 @@ struct CalledTracer {
   }
 };
 
-/// What an item of a wave belongs to: a program for one picture has it at hand.
+/// Shot that an item of a wave belongs to: a program for one picture has it at hand.
 template <bool kMany>
 __device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
   if constexpr (kMany) return l.shots[kernels::picture_of(l.shot.view.film, l.work, item)];
@@ -48,7 +48,7 @@ __device__ inline void add_up(u32 own, u64& sum) {
 struct Places {
   u32 first, second;
 };
-/// Of all lanes of a warp, which call it together.
+/// Takes places for all lanes of a warp, which call it together.
 ///
 /// count   of the first queue; that of the second one lies behind it
 __device__ inline Places take_places(u32& count, bool first, bool second) {

@@ -42,7 +42,7 @@ void copy_mesh(kernels::MeshView& m, Copies& copies) {
   m.strand_points = copies.of(m.strand_points, vertices);
 }
 
-/// Whether the tree over a mesh, of an entity's own vertices, is built on the device.
+/// True if the tree over a mesh, of an entity's own vertices, is built on the device.
 bool is_built(const DeviceMesh& mesh) {
   return mesh.is_deformed() && mesh.topology->triangles.size() > kMostHostTriangles;
 }

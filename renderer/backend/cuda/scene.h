@@ -35,7 +35,7 @@ struct MaterialCopies {
 
 class CudaScene;
 
-/// What copies are made with.
+/// Tools for making copies.
 struct CopyContext {
   Mirror& mirror;
   const TreeBuilder& builder;
@@ -83,7 +83,7 @@ class CudaScene final : public DeviceScene {
   Copies copies_;                      // of the host's arrays, which live as long as this does
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
-  // What the device made instances of; null: the host did.
+  // Slots that the device made instances of; null: the host did.
   const kernels::SlotView* slots_ = nullptr;
   const mat4x3* world_ = nullptr;
   const DeviceMemory* top_ = nullptr;  // a tree that the device built; null: there is none

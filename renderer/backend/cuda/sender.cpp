@@ -24,7 +24,7 @@ std::vector<Upload> parts_of(std::span<const Upload> pieces) {
   return parts;
 }
 
-/// How many of the first parts a stage takes.
+/// Number of first parts that a stage takes.
 std::size_t that_fit(std::span<const Upload> parts) {
   u64 bytes = 0;
   std::size_t count = 0;
@@ -70,7 +70,7 @@ Result Sender::send_stage(Stage& stage, std::span<const Upload> parts, StreamHan
       std::memcpy(memory + offsets[i], parts[i].from.data(), parts[i].from.size());
     });
   });
-  // What lies together there goes together.
+  // Parts that lie together there go together.
   for (std::size_t begin = 0, end = 0; begin < parts.size() && result == 0; begin = end) {
     u64 size = 0;
     for (end = begin; end < parts.size() && parts[end].to == parts[begin].to + size; ++end)

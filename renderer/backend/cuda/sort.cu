@@ -45,7 +45,7 @@ struct Rows {
   u32 ranks[kRows];  // among those of the same warp and digit
 };
 
-/// What a thread's rows are of what a block sorts.
+/// Place of a thread's row among those that a block sorts.
 __device__ u32 row_place(u32 row) {
   return threadIdx.x / kWarp * kWarp * kRows + row * kWarp + lane();
 }
@@ -71,7 +71,7 @@ __device__ void rank_rows(Rows& rows, Places& places, u32 count, u32 pass) {
   __syncthreads();
 }
 
-/// How many keys of the block have the thread's digit.
+/// Number of the block's keys that have the thread's digit.
 __device__ u32 keys_of_digit(const Places& places) {
   u32 count = 0;
   for (u32 warp = 0; warp < kWarps; ++warp) count += places[warp][threadIdx.x];
@@ -95,7 +95,7 @@ __device__ u32 row_target(const Rows& rows, const Places& places, u32 row, u32 p
 constexpr u32 kNotYet = 0xffffffff, kWhole = 1u << 31;
 static_assert(kMostBuildBoxes < kWhole - 1);
 
-/// Where the block's first key of the thread's digit goes, by what the blocks before it have said.
+/// Place for the block's first key of the thread's digit, by the sums of the blocks before it.
 /// They have all begun: none of them waits for this one.
 ///
 /// Source: Merrill and Garland 2016, "Single-pass Parallel Prefix Scan with Decoupled Look-back";

@@ -1,4 +1,4 @@
-// What the host tells the programs that take numbers. Read by take.cu.
+// Arguments of the programs that take numbers. Read by take.cu.
 #pragma once
 
 #include "kernels/ingest/take.h"

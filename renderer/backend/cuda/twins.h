@@ -38,10 +38,10 @@ class Twins : public std::enable_shared_from_this<Twins> {
   ///
   /// writer   a stream that writes there, after what renders has read what was there before
   [[nodiscard]] std::shared_ptr<const Twin> take(u64 bytes, StreamHandle writer);
-  /// Whether all of some bytes are in a twin.
+  /// True if all of some bytes are in a twin.
   [[nodiscard]] bool has(std::span<const std::byte> host) const { return find(host).has_value(); }
   /// Copies the device's side of bytes that are, in the order of what renders. UNAVAILABLE, as the
-  /// next that is asked of the context says, too. Thread: the device's.
+  /// next call of the context reports, too. Thread: the device's.
   [[nodiscard]] Status copy(DevicePointer to, std::span<const std::byte> host) const;
   /// Frees what nobody uses; whether there was any.
   bool reclaim();

@@ -29,7 +29,7 @@ struct Programs {
   [[nodiscard]] static LaunchSize size(const Program& program, u64 threads);
 };
 
-/// What a wave takes samples of: pictures of one size with the same planes and as many groups.
+/// Pictures that a wave takes samples of: of one size, with the same planes and as many groups.
 struct WaveShots {
   std::span<const WaveShot> host;    // at least one
   const WaveShot* device = nullptr;  // the same; null: there is one

@@ -5,7 +5,7 @@
 namespace heliograph::cuda {
 namespace {
 
-/// What one wave begins at once is not worth a second one.
+/// Number of waves for a range. A second one is not worth it for what one wave begins at once.
 u32 waves_for(const WorkRange& range) {
   const u64 items = u64(range.tile_count) * kernels::kTilePixels * range.sample_count;
   return range.tile_count >= kMostWaves && items > kItemsAtFirst ? kMostWaves : 1;

@@ -11,7 +11,7 @@ namespace heliograph::embree {
 /// task it would keep a pointer to its context, which TBB follows when any other build is given up.
 RTCError commit(RTCScene scene, RTCDevice device);
 
-/// The same, until the interrupt says that it is given up. Fails as the interrupt says, or with
+/// The same, until the interrupt requests that it is given up. Fails as the interrupt does, or with
 /// RESOURCE_EXHAUSTED.
 [[nodiscard]] Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt);
 

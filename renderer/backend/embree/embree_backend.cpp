@@ -50,7 +50,7 @@ std::string features(RTCDevice device, const PixelLoops& loops) {
                      version % 100, widest_isa());
 }
 
-/// How tiles are cut into pieces, which are whole patches.
+/// Division of tiles into pieces, which are whole patches.
 struct Pieces {
   u32 width = kernels::kPatchWidth, height = kernels::kPatchHeight;  // pixels
 

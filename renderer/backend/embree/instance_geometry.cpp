@@ -59,7 +59,7 @@ class PacketInObject {
   Rows world_[8];
 };
 
-/// Those of 8 rays that an instance shows itself to.
+/// Rays, of 8, that an instance shows itself to.
 struct Seeing {
   alignas(32) int valid[8];
 

@@ -9,7 +9,7 @@
 
 namespace heliograph::embree {
 
-/// What a ray needs to enter an instance: a line of the cache.
+/// Data that a ray needs to enter an instance: a line of the cache.
 struct alignas(64) PlacedScene {
   mat4x3 object_from_world;
   RTCScene scene;

@@ -9,7 +9,7 @@ namespace heliograph::embree {
 
 struct EmbreeMesh final : MeshAccelerator {
   explicit EmbreeMesh(const DeviceMesh& mesh) : view(mesh.view()), strands(mesh.strands) {}
-  // What primitives that are no triangles are computed from, ray by ray. Whoever traces it has its
+  // Inputs of primitives that are no triangles, computed ray by ray. Whoever traces it has its
   // positions, those at rest, and its triangles.
   kernels::MeshView view;
   std::shared_ptr<const Strands> strands;
@@ -20,12 +20,12 @@ struct EmbreeMesh final : MeshAccelerator {
   [[nodiscard]] Box bounds() const override { return bounds_of(scene.get()); }
 };
 
-/// Fails with RESOURCE_EXHAUSTED, and as the interrupt says. Thread: any.
+/// Fails with RESOURCE_EXHAUSTED, and as the interrupt does. Thread: any.
 [[nodiscard]] Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh,
                                                                      RTCDevice device,
                                                                      const Interrupt& interrupt);
 
-/// What a resident mesh has of Embree.
+/// Embree's part of a resident mesh.
 [[nodiscard]] inline const EmbreeMesh& embree_mesh(const DeviceMesh& mesh) {
   return static_cast<const EmbreeMesh&>(*mesh.accelerator);
 }

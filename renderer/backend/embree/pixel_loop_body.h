@@ -17,7 +17,7 @@ inline kernels::u64 render_rect(const RenderTask& task, const PixelRect& rect,
                               samples);
 }
 
-/// Who answers the probes of one task.
+/// Tracers that answer the probes of one task.
 struct ProbeTracers {
   explicit ProbeTracers(const ProbeTask& task)
       : now(task.now), forward(task.forward), backward(task.backward) {

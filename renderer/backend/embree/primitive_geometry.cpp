@@ -38,7 +38,7 @@ class RayAt {
   RTCRay copy_;
 };
 
-/// Whether a ray meets a primitive beyond its tnear, asked by either of Embree's two callbacks.
+/// True if a ray meets a primitive beyond its tnear, asked by either of Embree's two callbacks.
 template <class Arguments>
 bool meets(const Arguments* arguments, const RTCRay& ray, kernels::ShapeHit& met) {
   const kernels::PrimitiveAt at{mesh_of(arguments->geometryUserPtr), arguments->primID, ray.time};
@@ -60,7 +60,7 @@ RTCHit hit_of(const Arguments* arguments, const kernels::ShapeHit& met) {
   return hit;
 }
 
-/// Whether the filter of the ray's query takes a hit; it may change where the ray ends.
+/// True if the filter of the ray's query takes a hit; it may change where the ray ends.
 bool passes(const RTCIntersectFunctionNArguments* arguments,
             const RTCFilterFunctionNArguments& filter) {
 #if RTC_VERSION_MAJOR >= 4
@@ -80,7 +80,7 @@ bool passes(const RTCOccludedFunctionNArguments* arguments,
   return *filter.valid != 0;
 }
 
-/// Whether a hit at t counts; of a curve the ray's filter says so, and may move t.
+/// True if a hit at t counts; for a curve the ray's filter decides so, and may move t.
 template <class Arguments>
 bool takes(const Arguments* arguments, const RTCRay& ray, RTCHit& hit, float& t) {
   if (mesh_of(arguments->geometryUserPtr).shape != Shape::kCurves) return true;
@@ -98,8 +98,8 @@ bool takes(const Arguments* arguments, const RTCRay& ray, RTCHit& hit, float& t)
   return true;
 }
 
-/// Of two hits at one distance the one of the lower instance, and of one instance of the lower
-/// primitive, is nearer, in whatever order they come: where segments meet, both have their sphere.
+/// True if `hit` is behind `before`. Of two hits at one distance the one of the lower instance, of
+/// one instance of the lower primitive, is nearer, in any order: at joints both have their sphere.
 bool is_behind(const RTCHit& hit, const RTCHit& before) {
   if (before.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   if (hit.instID[0] != before.instID[0]) return hit.instID[0] > before.instID[0];

@@ -16,7 +16,7 @@ using kernels::SceneView;
 
 constexpr u32 kBeside = 8;
 constexpr u32 kMost = 6;  // of them: one or two may slip through as the ray did
-constexpr u32 kSome = 3;  // of them: others may tell more
+constexpr u32 kSome = 3;  // of them: others may show more
 constexpr float kNearest = 0x1p-21f;
 
 /// Rays beside one, twice as far each time, in directions a golden angle apart: whatever straight
@@ -43,7 +43,7 @@ class Beside {
   RTCRayHit8 query_;
 };
 
-/// Whether rays may slip through an instance: what other primitives say of a ray is final.
+/// True if rays may slip through an instance: the answers of other primitives are final.
 bool slips(const SceneView& scene, u32 instance) {
   return scene.meshes[scene.instances[instance].mesh].shape == kernels::Shape::kTriangles;
 }
@@ -69,7 +69,7 @@ Ray in_object(const SceneView& scene, u32 instance, Ray ray) {
   return ray;
 }
 
-/// What rays beside one tell of it: how many of them met something nearer, and what one of these
+/// Findings of rays beside one: how many of them met something nearer, and what one of these
 /// met.
 struct Told {
   u32 nearer = 0;

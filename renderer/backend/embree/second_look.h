@@ -9,7 +9,7 @@
 
 namespace heliograph::embree {
 
-/// Which of Embree's answers are looked at again.
+/// Answers of Embree's that are looked at again.
 struct SecondLook {
   enum class Of {
     kNone,
@@ -27,8 +27,8 @@ struct SecondLook {
 };
 inline constexpr SecondLook kAlwaysAgain{.of = SecondLook::Of::kAll};
 
-/// What a ray meets where Embree answered `first`: the triangles that 8 rays a hair beside it meet,
-/// 2^-21 to 2^-14 rad, are met by the ray itself as kernels::meet_triangle() does, which is
+/// Returns what a ray meets where Embree answered `first`: triangles that 8 rays a hair beside it,
+/// 2^-21 to 2^-14 rad, meet are met by the ray itself as kernels::meet_triangle() does, which is
 /// watertight. The nearest of these and `first` is the answer.
 [[nodiscard]] kernels::Hit look_again(const TracedScene& scene, const kernels::Ray& ray,
                                       kernels::u32 mask, const kernels::Hit& first);

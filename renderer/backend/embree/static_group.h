@@ -1,4 +1,4 @@
-// Entities that say they are static, in one acceleration structure in world space: rays meet them
+// Entities that are marked as static, in one acceleration structure in world space: rays meet them
 // without a change of coordinates, and their boxes do not overlap. Called by top_level.cpp.
 #pragma once
 
@@ -17,7 +17,7 @@ struct StaticGroup {
 };
 
 /// Builds the group, or takes over the acceleration structure of `before` where it is the same.
-/// Null without members. Fails with RESOURCE_EXHAUSTED, and as the interrupt says.
+/// Null without members. Fails with RESOURCE_EXHAUSTED, and as the interrupt does.
 [[nodiscard]] Expected<std::shared_ptr<const StaticGroup>> make_static_group(
     std::vector<StaticMember> members, const std::shared_ptr<const StaticGroup>& before,
     RTCDevice device, const Interrupt& interrupt);

@@ -53,7 +53,7 @@ bool same(const InstanceChunk& a, const InstanceChunk& b) {
          std::ranges::equal(a.moving, b.moving, {}, &GeometryHandle::get, &GeometryHandle::get);
 }
 
-/// Whether rays meet none of it.
+/// True if rays meet none of it.
 bool is_empty(const std::shared_ptr<const InstanceChunk>& chunk) {
   return std::ranges::all_of(chunk->still.boxes, &Box::empty) &&
          std::ranges::none_of(chunk->moving, &GeometryHandle::get);

@@ -44,7 +44,7 @@ class EmbreeAccelerator final : public Accelerator {
   u64 static_triangles_;
 };
 
-/// What rays meet of a placement; `view` is of its instances.
+/// Placement as rays meet it; `view` is of its instances.
 [[nodiscard]] TracedScene traced(const Placement& placement, const kernels::SceneView& view);
 [[nodiscard]] inline TracedScene traced(const ResidentScene& scene) {
   return traced(scene.placement(), scene.view());

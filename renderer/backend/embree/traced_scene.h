@@ -1,4 +1,4 @@
-// What Embree's answers to rays need of a scene.
+// Parts of a scene that Embree's answers to rays need.
 #pragma once
 
 #include "kernels/scene/scene_view.h"

@@ -56,7 +56,7 @@ inline void set(kernels::Hit& hit, const RTCRayHit& query, const TracedScene& sc
   hit.u = query.hit.u;
   hit.v = query.hit.v;
 }
-/// What ray i of a packet met.
+/// Hit of ray i of a packet.
 inline kernels::Hit hit_of(const RTCRayHit8& query, kernels::u32 i, const TracedScene& scene) {
   kernels::Hit hit = kMiss;
   if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) return hit;
@@ -74,7 +74,7 @@ struct Contest {
   const kernels::Ray* ray[8];  // by RTCRay::id
   kernels::Hit best[8];
 
-  /// What ray i met, of which Embree says `last`: discs and spheres take no part in contests.
+  /// Hit of ray i, for which Embree reports `last`: discs and spheres take no part in contests.
   [[nodiscard]] kernels::Hit winner(kernels::u32 i, const kernels::Hit& last,
                                     const kernels::SceneView& scene) const {
     if (last.instance == kernels::kNone) return last;
@@ -186,7 +186,7 @@ class EmbreeTracer {
     return {query.ray.tfar, instance, query.hit.primID, query.hit.u, query.hit.v};
   }
 
-  /// Whether a ray of object space, its direction of any length, meets one instance alone.
+  /// True if a ray of object space, its direction of any length, meets one instance alone.
   [[nodiscard]] bool meets(kernels::u32 instance, const kernels::Ray& ray_object) const {
     if (!kernels::is_sound(ray_object, kernels::kFarthest, kernels::kFarthest)) return false;
     RTCRay query{};
