@@ -5,14 +5,14 @@ BUNDLE is where scripts/bundle's archive was unpacked, MITSUBA a folder with the
 drjit and OpenEXR for the Python that runs this, which has numpy. Ends with 1 if a renderer fails.
 
 Times are of one picture of --spp samples, the median of --pictures; the first, which compiles and
-records, is told apart. "kernels" ends when the picture is in the GPU's memory (Mitsuba: recorded
+records, is apart. "kernels" ends when the picture is in the GPU's memory (Mitsuba: recorded
 frames, launched and awaited) or, for us, in the daemon's; "numpy" when it is in the caller's.
 
 The error is against the means of all other pictures, a of the same renderer and b of the other: of
 a picture x, (x - a)(x - b) / (((a + b) / 2)^2 + 0.01), whose expectation is the variance of x,
 whatever noise the means have and however the renderers differ, without the 0.1 % of the pixels
 where it is largest. Errors are with Lambert in place of principled materials, like the pictures
-that are compared; the times of both are told.
+that are compared; times are of both.
 """
 
 import argparse
@@ -146,10 +146,10 @@ def run(options, renderer, workload, lambert):
         done = subprocess.run(
             command, env=environ, capture_output=True, text=True, timeout=options.patience
         )
-        said, why = done.stdout, done.stderr[-1500:]
+        output, why = done.stdout, done.stderr[-1500:]
     except subprocess.TimeoutExpired:
-        said, why = "", f"over {options.patience} s"
-    lines = [line for line in said.splitlines() if line.startswith("RESULT ")]
+        output, why = "", f"over {options.patience} s"
+    lines = [line for line in output.splitlines() if line.startswith("RESULT ")]
     materials = "Lambert" if lambert else "principled"
     took = time.monotonic() - begin
     if not lines:

@@ -56,7 +56,7 @@ def measured(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, Fou
 
 
 def figures(found: Found, name: str, light: str) -> tuple[np.ndarray, np.ndarray] | None:
-    """Mean and standard error of what says something under this light."""
+    """Mean and standard error of the statistics that are meaningful under this light."""
     chunks = found.get(f"{name}|{light}|statistics")
     if chunks is None:
         return None

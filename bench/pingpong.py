@@ -22,8 +22,8 @@ def latency(name, call, promised=None, count=2000):
         call(i)
         times.append(1e3 * (time.perf_counter() - start))
     median, late = np.percentile(times, [50, 99])
-    said = f", promised <= {promised} ms" if promised else ""
-    print(f"{name:34} {median:8.3f} ms median {late:8.3f} ms p99{said}", flush=True)
+    promise = f", promised <= {promised} ms" if promised else ""
+    print(f"{name:34} {median:8.3f} ms median {late:8.3f} ms p99{promise}", flush=True)
 
 
 def build(client):

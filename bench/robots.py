@@ -29,7 +29,7 @@ from heliograph.robots.description import ONE_AXIS
 from heliograph.robots.kinematics import Kinematics
 
 TRIES, TOLERANCE = 8, 1e-6
-MOST_JOINTS = 127  # of more, PyBullet tells no poses
+MOST_JOINTS = 127  # of more, PyBullet returns no poses
 WIDTH, HEIGHT, FIELD = 240, 180, 50
 NEAR, FAR = 0.01, 100.0
 
@@ -64,8 +64,8 @@ def in_a_child(function):
             json.dump(function(), out)
         os._exit(0)
     os.close(writer)
-    with os.fdopen(reader) as said:
-        text = said.read()
+    with os.fdopen(reader) as pipe:
+        text = pipe.read()
     _, status = os.waitpid(child, 0)
     return json.loads(text) if status == 0 else {"outcome": "ended", "status": status}
 

@@ -1,8 +1,8 @@
-"""A training loop whose frames never leave the GPU: a network learns to tell depth from colour.
+"""A training loop whose frames never leave the GPU: a network learns depth from colour.
 
 usage: train_on_gpu.py [STEPS]   (needs PyTorch with CUDA, and a daemon with the backend cuda)
 Each step renders an overlay of one scene and learns from its planes where the renderer wrote them.
-Without PyTorch or a GPU it says so and ends with 77.
+Without PyTorch or a GPU it prints that and ends with 77.
 """
 
 import sys

@@ -49,7 +49,7 @@ SYSTEM = {"libc6-dev", "linux-libc-dev"}  # interfaces of what stays the system'
 GCC = "GPL-3.0-or-later WITH GCC-exception-3.1"
 
 
-def said(*command: object) -> str:
+def output_of(*command: object) -> str:
     """Output of a command; ends this program when it fails."""
     done = subprocess.run([str(each) for each in command], stdout=subprocess.PIPE, text=True)
     if done.returncode:
@@ -77,7 +77,7 @@ def owners(paths: Iterable[pathlib.Path]) -> dict[pathlib.Path, str]:
 
 
 def versions_of(packages: Iterable[str]) -> dict[str, str]:
-    text = said("dpkg-query", "-W", "-f", "${Package} ${Version}\n", *packages)
+    text = output_of("dpkg-query", "-W", "-f", "${Package} ${Version}\n", *packages)
     return dict(line.split() for line in text.splitlines())
 
 
@@ -89,11 +89,11 @@ def compiled_in(build: pathlib.Path) -> dict[str, str]:
     if not (build / "build.ninja").exists():
         sys.exit(f"sbom: {build} is no tree of Ninja, so the files compiled in are not known")
     ninja = "ninja", "-C", build.resolve(), "-t"
-    inputs = said(*ninja, "inputs", *PROGRAMS).splitlines()
+    inputs = output_of(*ninja, "inputs", *PROGRAMS).splitlines()
     objects = [line for line in inputs if line.endswith(".o") and not line.startswith("/")]
     headers = {
         pathlib.Path(line.strip()).resolve()
-        for line in said(*ninja, "deps", *objects).splitlines()
+        for line in output_of(*ninja, "deps", *objects).splitlines()
         if line.startswith("    /usr/")
     }
     archives = {pathlib.Path(line).resolve() for line in inputs if re.match(r"/usr/.*\.a$", line)}
@@ -152,7 +152,7 @@ def file_component(path: pathlib.Path, name: str) -> dict[str, Any]:
 def debian_purl(package: str, version: str) -> str:
     release = platform.freedesktop_os_release()
     quoted = [urllib.parse.quote(text, safe="~") for text in (package, version)]
-    architecture = said("dpkg", "--print-architecture").strip()
+    architecture = output_of("dpkg", "--print-architecture").strip()
     return (
         f"pkg:deb/{release['ID']}/{quoted[0]}@{quoted[1]}"
         f"?arch={architecture}&distro={release['ID']}-{release['VERSION_ID']}"

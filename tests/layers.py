@@ -1,7 +1,7 @@
 """The dependency rule: which layer may include which, and which may include a heavy library.
 
 usage: layers.py ROOT; prints file:line of each breach. Run by ctest.
-       layers.py --pages ROOT; prints each room whose README.md does not say what it may include.
+       layers.py --pages ROOT; prints each room whose README.md does not list what it may include.
 """
 
 import pathlib

@@ -17,7 +17,7 @@ PACKAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "nvisii": ("clients/nvisii", ("heliograph",)),
     "heliograph_replay": ("scripts", ("heliograph",)),
 }
-# Of heliograph: each may import itself and those before it.
+# Folders of heliograph: each may import itself and those before it.
 LAYERS = (
     ("_version", "errors"),
     ("_optional",),
@@ -85,7 +85,7 @@ def absolute(name: str, level: int, package: str) -> str:
 
 
 def names_of(node: ast.stmt | ast.Call, package: str, modules: Modules) -> list[str]:
-    """What an import imports."""
+    """Modules that an import names."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     if isinstance(node, ast.ImportFrom):

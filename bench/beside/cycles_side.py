@@ -1,4 +1,4 @@
-"""Materials in Blender's Cycles. Run by materials_beside.py; side.py tells how."""
+"""Materials in Blender's Cycles. Run by materials_beside.py; side.py describes how."""
 
 from __future__ import annotations
 

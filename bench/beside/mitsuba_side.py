@@ -1,4 +1,4 @@
-"""Materials in Mitsuba 3. Run by materials_beside.py; side.py tells how."""
+"""Materials in Mitsuba 3. Run by materials_beside.py; side.py describes how."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials here. Run by materials_beside.py; side.py tells how."""
+"""Materials here. Run by materials_beside.py; side.py describes how."""
 
 from __future__ import annotations
 

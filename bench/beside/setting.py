@@ -135,7 +135,7 @@ def statistics(picture: np.ndarray) -> np.ndarray:
 
 
 def wanted(light: str) -> list[str]:
-    """The statistics that say something under a light."""
+    """Names of the statistics that are meaningful under a light."""
     return [s for s in STATISTICS if light == "lamp" or not s.startswith("spot")]
 
 

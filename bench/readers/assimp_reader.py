@@ -1,6 +1,6 @@
 """Models as assimp has them: a reader of bench/models.py. Its Python needs assimp_py 1.1.
 
-Nodes, cameras, lights and clips it does not tell, so these are not compared; poses are applied.
+It reports no nodes, cameras, lights and clips: these are not compared; poses are applied.
 """
 
 import pathlib

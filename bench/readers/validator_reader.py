@@ -1,10 +1,10 @@
-"""What the Khronos validator says of glTF files: a reader of bench/models.py.
+"""Reports of the Khronos validator on glTF files: a reader of bench/models.py.
 
 usage: validator_reader.py [COMMAND...]
 
 Takes the report FILE.report.json, or NAME.report.json without the file's ending, that lies beside
 a file, as in the validator's own tests; else what COMMAND FILE prints (gltf_validator -o). Of
-other files, and without either, nothing is said.
+other files, and without either, nothing is reported.
 """
 
 import json

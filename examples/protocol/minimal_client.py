@@ -147,7 +147,7 @@ def column(labels, name):
     return np.frombuffer(found.data, DTYPES[found.dtype]).reshape(found.shape)
 
 
-def told(error):
+def field_and_nearest(error):
     """The field in the way and the nearest names, of an error's google.rpc.Status."""
     found = dict(error.trailing_metadata())["grpc-status-details-bin"]
     info, bad = error_details_pb2.ErrorInfo(), error_details_pb2.BadRequest()
@@ -217,11 +217,11 @@ def refuse(client, scene):
     try:
         client.apply(scene, 3, update)
     except grpc.RpcError as error:
-        print(error.code().name, *told(error))
+        print(error.code().name, *field_and_nearest(error))
 
 
 def follow(client, scene, request):
-    """Watch tells edit 4, and Stream shows it."""
+    """Watch reports edit 4, and Stream shows it."""
     watch = client.call("Watch", service_pb2.WatchRequest(scene=scene, from_revision=3))
     assert next(watch).revision == 2  # a bookmark
     messages = queue.SimpleQueue()

@@ -10,7 +10,7 @@ from google.protobuf.message import Message
 from heliograph._wire._proto import service_pb2 as service
 from heliograph.errors import HeliographError
 
-from ._calls import arrays_of, key_of, told
+from ._calls import arrays_of, key_of, outcome
 
 _LONG = 4096  # bytes; of a longer field a recording holds the SHA-256
 
@@ -22,9 +22,9 @@ def difference_of(was: Any, found: Any) -> str:
     if found is None:
         return "an answer is missing"
     if was is None:
-        return told(found) if isinstance(found, HeliographError) else "there is one answer more"
+        return outcome(found) if isinstance(found, HeliographError) else "there is one answer more"
     if isinstance(was, HeliographError) or isinstance(found, HeliographError):
-        return "" if key_of(was) == key_of(found) else f"{told(found)}; it was {told(was)}"
+        return "" if key_of(was) == key_of(found) else f"{outcome(found)}; it was {outcome(was)}"
     _shorten(found)
     for answer in (was, found):
         _drop_passing(answer)

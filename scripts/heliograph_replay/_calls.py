@@ -41,11 +41,11 @@ COMPARED = {  # fields of replies
 
 
 class Differs(Exception):
-    """The answer is another one; the message says how."""
+    """The answer is another one; the message has the difference."""
 
 
 class NotPlayed(Exception):
-    """The call was left out; the message says why."""
+    """The call was left out; the message has the reason."""
 
 
 class Calls:
@@ -76,7 +76,7 @@ class Calls:
                 continue
             if not call.replies or not call.requests:
                 continue
-            with contextlib.suppress(Damaged):  # told when it is played
+            with contextlib.suppress(Damaged):  # reported when it is played
                 if not self._recording.reply(call, call.replies[0]).existed:
                     yield self._recording.request(call, call.requests[0]).sha256, call
 
@@ -140,7 +140,7 @@ class Calls:
     # ------------------------------------------------------------ planning
 
     def scene_of(self, call: Call, part: Part) -> int:
-        """The recorded scene that a request names; 0 when it is damaged, which playing tells."""
+        """The recorded scene that a request names; 0 when it is damaged, which playing reports."""
         try:
             request = self._recording.request(call, part)
         except Damaged:
@@ -165,7 +165,7 @@ class Calls:
     # ------------------------------------------------------------ calls with one reply
 
     def whole(self, call: Call) -> None:
-        """Asks all that the call asked."""
+        """Makes all requests of the call."""
         assert call.status is not None
         status = call.status.item.status
         was: Any = status_error(status)
@@ -325,7 +325,7 @@ def _request_of(manifest: str) -> render_pb2.RenderRequest:
 # ---------------------------------------------------------------- comparing
 
 
-def told(answer: Any) -> str:
+def outcome(answer: Any) -> str:
     if isinstance(answer, HeliographError):
         return f"{answer.code} ({answer})"
     return "accepted"
@@ -335,7 +335,7 @@ def _compare(method: str, was: Any, found: Any) -> None:
     """Raises Differs. Compares the code and the field of errors, and COMPARED of replies."""
     if isinstance(was, HeliographError) or isinstance(found, HeliographError):
         if key_of(was) != key_of(found):
-            raise Differs(f"{told(found)}; it was {told(was)}")
+            raise Differs(f"{outcome(found)}; it was {outcome(was)}")
         return
     for name in COMPARED[method]:
         old, new = getattr(was, name), getattr(found, name)

@@ -65,10 +65,10 @@ class Questions:
         request.bookmark_seconds = _BOOKMARK
         watch = _Watch(_Answers(self._calls.link(call), call.method, request))
         self._watches[call.number] = watch
-        self._compare_told(call, first, watch.next())
+        self._compare_reply(call, first, watch.next())
 
     def compare_changes(self, call: Call) -> None:
-        """The transactions that the Watch told."""
+        """Compares the transactions of a Watch. NotPlayed where it did not begin."""
         watch = self._watches.pop(call.number, None)
         if watch is None:
             raise NotPlayed("it did not begin")
@@ -76,11 +76,11 @@ class Questions:
             for part in call.replies:
                 was = self._recording.reply(call, part)
                 if was.HasField("transaction"):
-                    self._compare_told(call, was, watch.next_change())
+                    self._compare_reply(call, was, watch.next_change())
         finally:
             watch.close()
 
-    def _compare_told(self, call: Call, was: service.WatchReply, found: Any) -> None:
+    def _compare_reply(self, call: Call, was: service.WatchReply, found: Any) -> None:
         if difference := difference_of(was, found):
             name = self._calls.name_of(self._recording.request(call, call.requests[0]).scene)
             raise Differs(f"{name}, revision {was.revision}: {difference}")
@@ -119,7 +119,7 @@ class _Answers:
 
 
 class _Watch:
-    """Reads a Watch as it is told, so that the daemon need not wait."""
+    """Reads a Watch as its replies come, so that the daemon need not wait."""
 
     def __init__(self, answers: _Answers) -> None:
         self._answers = answers

@@ -54,7 +54,7 @@ class Call:
 
 
 class Recording:
-    """A file, its calls by number. Requests and bytes are read when they are asked for.
+    """A file, its calls by number. Requests and bytes are read when they are needed.
 
     calls, sessions, buffers: by number; of buffers by (session, buffer).
     ends: (place, session) of sessions that ended. reason: why the recording ends; "": it was cut

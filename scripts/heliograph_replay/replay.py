@@ -1,7 +1,7 @@
 """Plays a recording against a daemon and compares the answers. Called by the command `replay`.
 
 Calls are played one after another, each where it took effect: an edit where its revision was made,
-a frame at the revision that it shows. docs/operations.md says what is played how.
+a frame at the revision that it shows. docs/operations.md describes what is played how.
 """
 
 from __future__ import annotations
@@ -271,13 +271,13 @@ class _Player:
         if not call.replies or not call.requests:
             return self._add_question(call)
         scene = self._calls.scene_of(call, call.requests[0])
-        told = [self._recording.reply(call, part) for part in call.replies]
+        replies = [self._recording.reply(call, part) for part in call.replies]
         at_head = self._recording.request(call, call.requests[0]).from_revision == 0
-        begins = scene, int(told[0].revision)
+        begins = scene, int(replies[0].revision)
         at = self._shown_at(call.at, begins)
         play = partial(self._questions.begin, call)
         self._add(call, at, play, part="its beginning", shows=begins, at_head=at_head)
-        if changes := [each.revision for each in told if each.HasField("transaction")]:
+        if changes := [each.revision for each in replies if each.HasField("transaction")]:
             shows = scene, int(changes[-1])
             play = partial(self._questions.compare_changes, call)
             part = f"revisions {changes[0]} to {changes[-1]}"

@@ -28,7 +28,7 @@ def carry(root, path):
 
 def enter(root):
     """The command that runs a program of the root in it; skips where that is not allowed."""
-    said = ""
+    errors = ""
     for user in ([], ["--map-root-user"]):
         command = ["unshare", *user, "--mount", "sh", "-c", ENTER, root]
         done = subprocess.run(
@@ -36,5 +36,5 @@ def enter(root):
         )
         if done.returncode == 0:
             return command
-        said += done.stderr
-    pytest.skip(f"no root of one's own can be entered here: {said}")
+        errors += done.stderr
+    pytest.skip(f"no root of one's own can be entered here: {errors}")

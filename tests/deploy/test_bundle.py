@@ -79,8 +79,8 @@ def test_it_renders_in_a_bare_root(root, enter):
             is_same = pixels(bundled) == pixels(built)
     finally:
         daemon.terminate()
-        said = daemon.communicate(timeout=30)[1]
-    assert daemon.returncode == 0, said
+        errors = daemon.communicate(timeout=30)[1]
+    assert daemon.returncode == 0, errors
     assert is_same
 
 

@@ -1,4 +1,4 @@
-"""What lies in deploy/ says what it means: settings that the daemon takes, images and pods that are
+"""Files of deploy/ mean what they should: settings that the daemon takes, images and pods that are
 locked in, package lists that are those of scripts/setup. deploy/build_image runs the images."""
 
 import configparser

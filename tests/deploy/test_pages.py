@@ -16,14 +16,14 @@ OTHERS |= {"--seeds", "--keep"}
 UNITS = {"MiB": 2**20, "GiB": 2**30, "M": 10**6}
 
 
-def told(*command) -> str:
+def output_of(*command) -> str:
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
 
 
 def test_each_flag_is_one_of_a_program():
     python = sys.executable
     commands = [[DAEMON], [python, "-m", "heliograph", "info"], [python, ROOT / "scripts/replay"]]
-    helps = "".join(told(*command, "--help") for command in commands)
+    helps = "".join(output_of(*command, "--help") for command in commands)
     known = set(re.findall(r"--[a-z][a-z-]*", helps))
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", PAGE)) - OTHERS
     assert len(named) > 20
@@ -31,7 +31,7 @@ def test_each_flag_is_one_of_a_program():
 
 
 def test_each_limit_has_its_default():
-    defaults = dict(re.findall(r"^  (\w+) .*\[(\d+)\]$", told(DAEMON, "--help"), re.MULTILINE))
+    defaults = dict(re.findall(r"^  (\w+) .*\[(\d+)\]$", output_of(DAEMON, "--help"), re.MULTILINE))
     rows = re.findall(r"^\| `(\w+)` \| ([\d,^]+)(?: (MiB|GiB|M))? \|", PAGE, re.MULTILINE)
     assert len(rows) > 15
     for name, number, unit in rows:

@@ -30,10 +30,10 @@ def expand(name: str) -> set[str]:
     """The system calls of a group, as the systemd of this machine has it."""
     if not name.startswith("@"):
         return {name}
-    said = subprocess.run(
+    done = subprocess.run(
         ["systemd-analyze", "syscall-filter", name], capture_output=True, text=True, check=True
     )
-    lines = [line.strip() for line in said.stdout.splitlines()[1:]]
+    lines = [line.strip() for line in done.stdout.splitlines()[1:]]
     return set().union(*(expand(line) for line in lines if line and not line.startswith("#")))
 
 
@@ -42,7 +42,7 @@ def kept_groups() -> set[str]:
 
 
 def filter_of_unit(system_service: set[str]) -> set[str]:
-    """What the unit's SystemCallFilter allows."""
+    """System calls that the unit's SystemCallFilter allows."""
     unit = configparser.ConfigParser(interpolation=None)
     unit.optionxform = str
     unit.read_string((ROOT / "deploy/heliographd.service").read_text())
@@ -53,8 +53,8 @@ def filter_of_unit(system_service: set[str]) -> set[str]:
 
 @contextlib.contextmanager
 def daemon(place, monkeypatch, *, under=(), flags=()):
-    """A client of a private daemon that syscall-filter starts with the arguments `under`; once it
-    knows whether it is ready."""
+    """A client of a private daemon that syscall-filter starts with the arguments `under`; once its
+    readiness is known."""
     script = place / "heliographd"
     wrapped = " ".join(f"'{each}'" for each in (FILTER, *under, DAEMON))
     script.write_text(f'#!/bin/sh\nexec {wrapped} "$@"\n')
@@ -68,7 +68,7 @@ def daemon(place, monkeypatch, *, under=(), flags=()):
 
 
 def decode(client, path):
-    """What the file decodes to, or why it does not."""
+    """The decoded file, or why it is refused."""
     try:
         info = assets.decode_bundle(client, assets.Source(path))
         return info.SerializeToString(deterministic=True)
@@ -95,7 +95,7 @@ def check_unit(system_service, place, monkeypatch):
         filtered = {path: decode(client, path) for path in files}
     with daemon(place, monkeypatch) as client:
         plain = {path: decode(client, path) for path in files}
-    assert sum(isinstance(said, bytes) for said in plain.values()) > 30
+    assert sum(isinstance(answer, bytes) for answer in plain.values()) > 30
     assert filtered == plain
 
 
@@ -133,9 +133,9 @@ def test_a_refused_layer_stops_all_decodes(call, layer, tmp_path, monkeypatch, t
         info = client.info()
         assert not info.ready
         assert any(each.startswith("decoder: ") and layer in each for each in info.refused)
-        for said in (info.not_ready, decode(client, triangle)):
-            assert f"{layer}: " in said
-            assert (f"--decode-without {layer}" in said) == (layer in ("namespaces", "landlock"))
+        for reason in (info.not_ready, decode(client, triangle)):
+            assert f"{layer}: " in reason
+            assert (f"--decode-without {layer}" in reason) == (layer in ("namespaces", "landlock"))
 
 
 @pytest.mark.parametrize(

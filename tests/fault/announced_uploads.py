@@ -88,8 +88,8 @@ def check_uploads(report, daemon):
         report.figure("silent uploads not ended so", len(refused), 0, slack=False)
         took = common.seconds_until(lambda: common.used(robots, "tenant_bytes") == before)
         report.figure("their bytes are back after", took, 2, "s")
-        code, said = end_of(stalled_import(robots, over))
-        wrong = code != "RESOURCE_EXHAUSTED" or "stall_seconds" not in said
+        code, message = end_of(stalled_import(robots, over))
+        wrong = code != "RESOURCE_EXHAUSTED" or "stall_seconds" not in message
         report.figure("silent imports not ended so", int(wrong), 0, slack=False)
         over.set()
 

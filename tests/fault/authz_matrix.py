@@ -36,7 +36,7 @@ WITHOUT_SESSION = ("GetServerInfo", "ListSessions", "OpenSession")
 
 @dataclasses.dataclass
 class Answer:
-    """What a call comes to: the code's name, its words without the ids asked for, and facts."""
+    """Outcome of a call: the code's name, its words without the ids asked for, and facts."""
 
     code: str
     words: str = ""
@@ -45,10 +45,10 @@ class Answer:
     @staticmethod
     def of(error):
         data = dict(error.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
-        told = fields_of(status_pb2.Status.FromString(data))
+        fields = fields_of(status_pb2.Status.FromString(data))
         words = re.sub(r"\b[0-9a-f]{64}\b|\b\d+\b|'[^']*'", "#", error.details() or "")
         return Answer(
-            error.code().name, words, (told.get("field", ""), tuple(told.get("nearest", ())))
+            error.code().name, words, (fields.get("field", ""), tuple(fields.get("nearest", ())))
         )
 
 
@@ -66,7 +66,7 @@ class Caller:
         self.triangle = triangle_of(tenant)
         self.model = f"# {tenant}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode()
         for data in (self.triangle, self.model):
-            self.say("UploadBlob", [upload_of(data)])
+            self.answer("UploadBlob", [upload_of(data)])
         self.scene = self.ok("CreateScene", service.CreateSceneRequest(name=self.name))[0].scene
         self.asset = self.ok("DecodeAsset", decode(sha256(self.model)))[-1].asset.sha256
         self.apply(
@@ -76,7 +76,7 @@ class Caller:
         )
 
     def new_ticket(self):
-        """Of a local channel that stays open."""
+        """Ticket of a local channel that stays open."""
         line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         line.connect(self.path + ".fd.sock")
         self.local_channels.append(line)
@@ -106,8 +106,8 @@ class Caller:
         reply = rpc(given, metadata=metadata, timeout=20)
         return list(reply) if found.server_streaming else [reply]
 
-    def say(self, name, requests, **how) -> Answer:
-        """What it comes to; the first status in a reply counts like the call's own."""
+    def answer(self, name, requests, **how) -> Answer:
+        """Outcome of a call; the first status in a reply counts like the call's own."""
         try:
             replies = self.call(name, requests, **how)
         except grpc.RpcError as error:
@@ -141,21 +141,21 @@ class Caller:
         return self.ok("CreateScene", service.CreateSceneRequest())[0].scene
 
     def new_name(self):
-        """Of a scene that is nobody else's."""
+        """Name of a scene that is nobody else's."""
         name = f"{self.name} {os.urandom(4).hex()}"
         self.ok("CreateScene", service.CreateSceneRequest(name=name))
         return name
 
     def new_bytes(self):
-        """Of a blob that is nobody else's."""
+        """Bytes of a blob that is nobody else's."""
         data = os.urandom(36)
-        self.say("UploadBlob", [upload_of(data)])
+        self.answer("UploadBlob", [upload_of(data)])
         return data
 
     def new_upload(self):
         """An anonymous upload; its name."""
         name = os.urandom(8).hex()
-        self.say("UploadBlob", [upload_of(self.triangle, request_id=name, sha256=b"")])
+        self.answer("UploadBlob", [upload_of(self.triangle, request_id=name, sha256=b"")])
         return name
 
 
@@ -213,8 +213,8 @@ class Matrix:
                 ids = ids_of(me, other)[row.kind]
                 if row.kind == "nothing":
                     continue
-                said = {
-                    who: me.say(name, row.make(me, id))
+                answers = {
+                    who: me.answer(name, row.make(me, id))
                     for who, id in ids.items()
                     if who != "own" or row.own != "ANY"
                 }
@@ -222,9 +222,9 @@ class Matrix:
                 wanted = {"own": row.own, "other": row.cross, "none": row.none}
                 for who, code in wanted.items():
                     if code != "ANY":
-                        self.check(f"{where} {who}", said[who].code == code, said[who])
-                same = said["other"] == said["guessed"]
-                self.check(f"{where} guessed", same, said["other"], said["guessed"])
+                        self.check(f"{where} {who}", answers[who].code == code, answers[who])
+                same = answers["other"] == answers["guessed"]
+                self.check(f"{where} guessed", same, answers["other"], answers["guessed"])
 
     def sessions(self, me, other):
         """Another's session, a guessed one and none; another's token for one's own session."""
@@ -238,11 +238,11 @@ class Matrix:
                 "none": {"session": None},
                 "other's token": {"token": other.token},
             }
-            said = {who: me.say(name, request, **given) for who, given in how.items()}
-            for who, answer in said.items():
+            answers = {who: me.answer(name, request, **given) for who, given in how.items()}
+            for who, answer in answers.items():
                 good = answer.code == "UNAUTHENTICATED"
-                good &= who == "none" or answer == said["guessed"]
-                self.check(f"{name} session {who}", good, answer, said["guessed"])
+                good &= who == "none" or answer == answers["guessed"]
+                self.check(f"{name} session {who}", good, answer, answers["guessed"])
 
     def tokens(self, me, other):
         """A guessed token, the session's id as one, and none."""
@@ -250,23 +250,23 @@ class Matrix:
         for name, rows in ROWS.items():
             request = rows[0].make(me, ids_of(me, other)[rows[0].kind]["own"])
             for token in (None, "guessed-guessed-guessed", str(me.session)):
-                answer = me.say(name, request, token=token)
+                answer = me.answer(name, request, token=token)
                 words.add(answer.words)
                 self.check(f"{name} token", answer.code == "UNAUTHENTICATED", answer)
         self.check("one wording", len(words) == 1, *words)
 
     def lists(self, me, other):
-        """What lists things lists one's own."""
+        """Checks that lists have one's own things only."""
         scenes = me.ok("ListScenes", service.ListScenesRequest())[0].scenes
         mine = {scene.scene for scene in scenes}
         self.check("ListScenes", me.scene in mine and other.scene not in mine, mine)
-        nearest = me.say("OpenScene", [service.OpenSceneRequest(name=other.name[:-1])]).facts[1]
+        nearest = me.answer("OpenScene", [service.OpenSceneRequest(name=other.name[:-1])]).facts[1]
         self.check("nearest names", me.name in nearest and other.name not in nearest, nearest)
         used = [
             dict(each.ok("GetServerInfo", service.GetServerInfoRequest())[0].used)
             for each in (me, other)
         ]
-        other.say("UploadBlob", [upload_of(os.urandom(1 << 16))])
+        other.answer("UploadBlob", [upload_of(os.urandom(1 << 16))])
         later = [
             dict(each.ok("GetServerInfo", service.GetServerInfoRequest())[0].used)
             for each in (me, other)
@@ -290,7 +290,9 @@ def main():
             report.figure(f"of {matrix.cells} cells, wrong", len(matrix.wrong), 0)
             report.figure(
                 "of the other's scenes, lost",
-                other.say("DescribeScene", [service.DescribeSceneRequest(scene=other.scene)]).code
+                other.answer(
+                    "DescribeScene", [service.DescribeSceneRequest(scene=other.scene)]
+                ).code
                 != "OK",
                 0,
             )

@@ -23,7 +23,7 @@ GRACE = 1.0
 
 
 class Clock:
-    """What the daemon's wall clock is off by."""
+    """Offset of the daemon's wall clock."""
 
     def __init__(self, folder):
         self.path = f"{folder}/offset"
@@ -80,11 +80,11 @@ def years(log):
 
 def abandon(daemon, client, step):
     """Seconds that a session lives after its client is gone, the clock stepping meanwhile."""
-    lost = hg.connect(daemon.socket)
-    with lost.create_scene().edit() as edits:
+    client_gone = hg.connect(daemon.socket)
+    with client_gone.create_scene().edit() as edits:
         edits.entity("leftover")
     before = common.used(client, "tenant_entities")
-    lost.connection.link._local_channel.close()
+    client_gone.connection.link._local_channel.close()
     start = time.perf_counter()
     time.sleep(GRACE / 2)
     step()

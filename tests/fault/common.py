@@ -1,4 +1,4 @@
-"""What the scripts of this folder share. Each prints its figure beside what is promised, and ends
+"""Helpers of this folder's scripts. Each prints its figure beside what is promised, and ends
 with 1 when it was missed.
 
 usage: .venv/bin/python tests/fault/NAME.py [--short]   --short: seconds, few trials, and times may
@@ -79,7 +79,7 @@ def peak(pid):
 
 
 def used(client, name):
-    """What the tenant uses of a limit."""
+    """Use of a limit by the tenant."""
     return client.info().used[name]
 
 

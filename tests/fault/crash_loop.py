@@ -1,5 +1,5 @@
 """kill -9 while clients edit durable scenes: nothing acknowledged is lost, half there, or there
-twice, and the scenes are what a model says."""
+twice, and the scenes are those of a model."""
 
 import pathlib
 import tempfile
@@ -62,25 +62,25 @@ def at(x):
 
 def check(editors):
     """(lost, torn, twice, differing scenes)"""
-    lost = torn = twice = differing = 0
+    missing = torn = twice = differing = 0
     for room in (0, 1):
         mine = [e for e in editors if e.number % 2 == room]
         scene = mine[0].scene
         made = sum(len(e.acknowledged) for e in mine)
         entities = scene.describe().counts.entities
         twice += max(0, entities - made - 2 * len(mine))
-        lost += max(0, made + 2 * len(mine) - entities)
+        missing += max(0, made + 2 * len(mine) - entities)
         for editor in mine:
             count = len(editor.acknowledged)
             a, b = (m[0, 3] for m in scene.transforms([f"{editor.number}.{n}" for n in "ab"]))
             torn += a != b
-            lost += a < count
+            missing += a < count
             twice += a > count
             ids = [id for _, _, id in editor.acknowledged]
             poses = scene.transforms([scene.handle(id) for id in ids])
-            lost += int((poses[:, 0, 3] != range(1, count + 1)).sum())
+            missing += int((poses[:, 0, 3] != range(1, count + 1)).sum())
         differing += saved(scene) != saved(replayed(mine))
-    return lost, torn, twice, differing
+    return missing, torn, twice, differing
 
 
 def replayed(editors):
@@ -122,8 +122,8 @@ def main():
         edits = acknowledged(editors)
         rate = edits / STREAMS / alive
         print(f"  {KILLS} kills, {STREAMS} streams, {edits} edits, {rate:.0f}/s each")
-        lost, torn, twice, differing = check(editors)
-        report.figure("edits lost", lost, 0)
+        missing, torn, twice, differing = check(editors)
+        report.figure("edits lost", missing, 0)
         report.figure("edits half there", torn, 0)
         report.figure("edits twice", twice, 0)
         report.figure("scenes that are not what a model says", differing, 0)

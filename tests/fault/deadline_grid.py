@@ -15,9 +15,9 @@ def late(scene, deadline):
     try:
         scene.render("cam", spp=1 << 20, size=(640, 480), timeout=deadline)
     except hg.DeadlineExceeded:
-        told = time.perf_counter() - start - deadline
+        error = time.perf_counter() - start - deadline
     common.seconds_until(lambda: common.used(scene.client, "tenant_jobs") == 0)
-    return told, time.perf_counter() - start - deadline
+    return error, time.perf_counter() - start - deadline
 
 
 def main():
@@ -25,9 +25,9 @@ def main():
     with common.Report("R10 deadlines") as report, common.daemon() as client:
         scene = common.stage(client, 640, 480)
         found = [late(scene, random.uniform(0.005, 0.5)) for _ in range(common.size(1000, 15))]
-        told, free = zip(*found, strict=True)
+        error, free = zip(*found, strict=True)
         report.figure(
-            "error after the deadline: p99", 1e3 * common.percentile(told, 0.99), 50, "ms"
+            "error after the deadline: p99", 1e3 * common.percentile(error, 0.99), 50, "ms"
         )
         report.figure("device free after it: p99", 1e3 * common.percentile(free, 0.99), 50, "ms")
 

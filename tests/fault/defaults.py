@@ -93,8 +93,8 @@ def main():
             port = daemon.tcp.rsplit(":", 1)[1]
             token = pathlib.Path(daemon.path).with_name("token").read_text()
             with hg.connect(f"127.0.0.1:{port}", token=token) as client:
-                told = any("--insecure-i-know" in line for line in client.info().refused)
-            report.figure("insecure: not told by GetServerInfo", not told, 0)
+                stated = any("--insecure-i-know" in line for line in client.info().refused)
+            report.figure("insecure: not told by GetServerInfo", not stated, 0)
             report.figure("insecure: no warning", "--insecure-i-know" not in daemon.log(), 0)
             answer = served.ask_once(f"127.0.0.1:{port}")
             report.figure("insecure: let in without a token", answer != "UNAUTHENTICATED", 0)

@@ -40,7 +40,7 @@ def main():
 
 
 def lose(client, scene, health):
-    """Seconds until readiness is gone, and until it is back; a job that runs is told of it."""
+    """Seconds until readiness is gone, and until it is back; a job that runs ends with it."""
     errors = []
     job = threading.Thread(target=endless, args=(scene, errors))
     job.start()

@@ -91,7 +91,7 @@ def load(daemon, moment, found):
 
 
 def is_gone(daemon):
-    """Nobody is left who could have told a retry time."""
+    """Nobody is left who could have given a retry time."""
     try:
         daemon.process.wait(5)
     except subprocess.TimeoutExpired:

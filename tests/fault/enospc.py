@@ -81,8 +81,8 @@ def main():
         rest = fill(disk / "rest")
         acknowledged = count_until_refused(scene, acknowledged, vertices=0)
         health = Health(client)
-        said = seconds_until(lambda: not health.check(DURABLE))
-        report.figure("until health says read-only", said, 1, "s")
+        seconds = seconds_until(lambda: not health.check(DURABLE))
+        report.figure("until health says read-only", seconds, 1, "s")
         info = client.info()
         report.figure("not said by name", info.journal != info.JOURNAL_READ_ONLY, 0)
         report.figure("without a reason", "disk" not in info.journal_reason, 0)
@@ -110,8 +110,8 @@ def main():
             return True
 
         report.figure("until edits go on", seconds_until(writes_again), 5, "s")
-        said = seconds_until(lambda: health.check(DURABLE))
-        report.figure("until health says so", said, 1, "s")
+        seconds = seconds_until(lambda: health.check(DURABLE))
+        report.figure("until health says so", seconds, 1, "s")
         info = client.info()
         report.figure("journal is not writing", info.journal != info.JOURNAL_WRITING, 0)
         daemon.kill()

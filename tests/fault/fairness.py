@@ -58,14 +58,14 @@ def drain(results):
 
 def sixteen(scenes, seconds, report):
     """In turns, because other work of the machine comes and goes."""
-    lost, late = [], []
+    losses, late = [], []
     for _ in range(3):
         one, alone = together(scenes[:1], seconds)
         rate, took = together(scenes, seconds)
-        lost.append(100 * (1 - rate / one))
+        losses.append(100 * (1 - rate / one))
         fair = CLIENTS * common.percentile(alone, 0.5)
         late.append(common.percentile(took, 0.99) / fair)
-    report.figure("throughput lost by 16 clients", common.percentile(lost, 0.5), 5, "%")
+    report.figure("throughput lost by 16 clients", common.percentile(losses, 0.5), 5, "%")
     report.figure("p99 over fair share's time", common.percentile(late, 0.5), 1.5)
 
 

@@ -36,7 +36,7 @@ COLUMNS = ("format", "mutants", "decoded", "refused", "crashes", "slowest ms", "
 
 
 class Tally:
-    """What became of the mutants of a format."""
+    """Outcomes of the mutants of a format."""
 
     def __init__(self, kind):
         self.kind = kind
@@ -45,7 +45,7 @@ class Tally:
         self.crashes, self.faults = [], []  # (trial, how it ended), words
 
     def check(self, files, where_and_why):
-        """A refusal names the file and says why."""
+        """A refusal names the file and the reason."""
         where, _, why = where_and_why.partition(": ")
         if not why or not any(name in where_and_why for name in files):
             self.faults.append(f"refused without its name or a reason: {where_and_why!r}")
@@ -75,8 +75,8 @@ class Decodes:
                 parts += [struct.pack("<I", len(part)), part]
         self.process.stdin.write(b"".join(parts))
         self.process.stdin.flush()
-        code, signal, cpu, wall, mib, said = self.process.stdout.readline().decode().split("\t", 5)
-        return int(code), int(signal), float(cpu), float(wall), int(mib), said.rstrip("\n")
+        code, signal, cpu, wall, mib, text = self.process.stdout.readline().decode().split("\t", 5)
+        return int(code), int(signal), float(cpu), float(wall), int(mib), text.rstrip("\n")
 
     def end(self):
         self.process.stdin.close()
@@ -88,11 +88,11 @@ def fuzz(kind, seeds, count, keep):
     tally, decode = Tally(kind), Decodes()
     for trial in range(count):
         files = file_mutants.mutant(seeds, trial, kind)
-        code, signal, cpu, wall, mib, said = decode(files)
+        code, signal, cpu, wall, mib, text = decode(files)
         tally.slowest_ms, tally.most_mib = max(tally.slowest_ms, cpu), max(tally.most_mib, mib)
         tally.counts["decoded" if code == 0 else "ended" if code < 0 else "refused"] += 1
         if code > 0:
-            tally.check(files, said)
+            tally.check(files, text)
         elif code < 0:
             tally.crashes.append((trial, signal, round(wall)))
             store(files, keep, f"{kind}-{trial}")
@@ -191,7 +191,7 @@ def line(cells):
 
 
 def judge(tallies, report):
-    """What each format owes."""
+    """Figures of each format."""
     for tally in tallies:
         name = tally.kind
         slow = tally.slowest_ms / 1e3
@@ -203,7 +203,7 @@ def judge(tallies, report):
             report.figure(f"{name}: decoders that crashed", tally.counts["ended"], 0)
         if tally.faults:
             report.figure(f"{name}: {tally.faults[0]}", len(tally.faults), 0)
-    most = max(tally.most_mib for tally in tallies)  # the daemon tells none
+    most = max(tally.most_mib for tally in tallies)  # the daemon reports none
     report.figure("most memory of a decoder", most, MEMORY_MIB, "MiB", slack=False)
 
 

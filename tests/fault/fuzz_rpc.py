@@ -34,7 +34,7 @@ LIMITS = {
     "stall_seconds": 2,
 }
 BROKEN = {"INTERNAL", "UNKNOWN", "UNAVAILABLE", "DATA_LOSS"}
-# These say that a request is wrong, and must say where.
+# Statuses of a wrong request; they must name the field.
 PLACED = {"INVALID_ARGUMENT", "NOT_FOUND", "ALREADY_EXISTS"}
 SECONDS = 2.0  # of one call
 WORKERS = 3
@@ -46,7 +46,7 @@ _VARINT = encoder._VarintBytes
 
 
 def known_path(descriptor, path):
-    """Whether a path names a field beneath a message; of an array's element, the array."""
+    """True if a path names a field beneath a message; of an array's element, the array."""
     for step in re.sub(r"\[[^]]*\]", "", path).split("."):
         if descriptor is None or step in descriptor.oneofs_by_name:
             return descriptor is not None
@@ -57,7 +57,7 @@ def known_path(descriptor, path):
 
 
 def is_placed(message, path):
-    """Whether `path` names something of a request; of a transaction, it starts at its edits; of a
+    """True if `path` names something of a request; of a transaction, it starts at its edits; of a
     bundle it may be a file's name; of an empty message there is nothing to name."""
     descriptor = message.DESCRIPTOR
     if not path:
@@ -83,7 +83,7 @@ def weight(method):
 
 
 def refusals(kind, data):
-    """What a reply of a stream refuses: an edit, or an item of a batch."""
+    """Status in a reply of a stream: of an edit, or of an item of a batch."""
     if "status" not in kind.fields_by_name:
         return []
     reply = message_factory.GetMessageClass(kind).FromString(data)
@@ -171,7 +171,7 @@ class Worker:
         return [(name, error if reply.status.code else None)]
 
     def delete(self, scene):
-        """What a mutant made, unless another's has deleted it; OpenScene gives what others need."""
+        """Deletes a mutant's scene, unless another did; keeps the tour, which others need."""
         if scene != self.tour:
             request = service_pb2.DeleteSceneRequest(scene=scene)
             with contextlib.suppress(hg.NotFound):
@@ -188,7 +188,7 @@ class Worker:
             self.open()
 
     def run(self, methods, count, seed):
-        """What happened: (method, status) -> how often, and what must not be."""
+        """Counts of outcomes: (method, status) -> how often, and the faults."""
         self.mutator = mutants.Mutator(seed, self.seeds, self.names, self.ids)
         self.open()
         seen, faults = collections.Counter(), []
@@ -199,8 +199,8 @@ class Worker:
             quick = self.ask_quickly(method, data[0]) if self.mutator.chance(0.5) else None
             for status, error in quick or self.call(method, data):
                 seen[method.name + (" quick" if quick else ""), status] += 1
-                lost = status in PLACED and not any(is_placed(m, error.field) for m in messages)
-                if status in BROKEN or lost:
+                unplaced = status in PLACED and not any(is_placed(m, error.field) for m in messages)
+                if status in BROKEN or unplaced:
                     shown = "\n".join(str(message) for message in messages)[:1500]
                     faults.append((method.name, status, error.field, str(error), shown))
             if trial % 100 == 99:

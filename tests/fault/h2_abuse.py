@@ -93,7 +93,7 @@ def settings(connection, count):
 
 
 class Attack:
-    """What something costs the daemon."""
+    """Cost of an attack to the daemon."""
 
     def __init__(self, daemon, client):
         self.daemon, self.client = daemon, client

@@ -22,7 +22,7 @@ def _serves(reply):
 
 
 class Health:
-    """Of the daemon behind a client, or of one by its gRPC target, over a channel of its own."""
+    """Health of the daemon behind a client, or by its gRPC target, over a channel of its own."""
 
     def __init__(self, client):
         target = client if isinstance(client, str) else client.address

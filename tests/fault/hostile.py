@@ -85,7 +85,7 @@ def questions(client, _):
 
 
 def messages(client, _):
-    """Of a scene that is not there: each is read before it is refused."""
+    """Edits of a scene that is not there: each is read before it is refused."""
     edit = scene_pb2.Edit(target=types_pb2.Ref(name="e"))
     edit.entity.attributes.values["k"] = LARGE
     request = service.ApplyRequest(scene=1, number=1)
@@ -155,7 +155,7 @@ ACTS = (
 
 
 def be(name, folder):
-    """Does it again and again, whatever it is told, and is killed in the middle of it."""
+    """Does it again and again, whatever the reply, and is killed in the middle of it."""
     act = next(each for each in ACTS if each.__name__ == name)
     address = f"unix://{folder}/run/heliograph.sock"
     client = hg.connect(address, token=served.TOKENS["robots"])

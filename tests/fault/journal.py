@@ -1,4 +1,4 @@
-"""What durable scenes take: recovery in bounded memory, a disk that shrinks again, and a full one,
+"""Limits of durable scenes: recovery in bounded memory, a disk that shrinks again, and a full one,
 which one tenant filled and others go on editing, or where scenes can be deleted nevertheless."""
 
 import contextlib
@@ -183,22 +183,22 @@ class Tenant:
             error = self.make(4 * MEGA)
             refused += error is not None
             if error:
-                said = error
+                refusal = error
                 time.sleep(1.2)
-        return said
+        return refusal
 
 
 def filled_by_a_tenant(report, disk, tenants):
     daemon = Served(disk.parent, "--state-dir", disk / "state", "--tenants", tenants)
     large, small = Tenant(daemon, "robots"), Tenant(daemon, "vision")
-    said = large.fill()
-    print(f"  the first is refused after {large.made} edits: {said}")
+    refusal = large.fill()
+    print(f"  the first is refused after {large.made} edits: {refusal}")
     refused = sum(small.make() is not None for _ in range(200))
     report.figure("edits of another tenant that were refused", refused, 0, slack=False)
     info = large.client.info()
     writing = info.journal == info.JOURNAL_WRITING
     report.figure("not writing", not writing, 0, slack=False)
-    report.figure("not told by name", "disk_spare_bytes" not in str(said), 0, slack=False)
+    report.figure("not told by name", "disk_spare_bytes" not in str(refusal), 0, slack=False)
     large.scene.delete()
     took = seconds_until(lambda: on_disk(disk / "state") < 24 * MEGA)
     report.figure("until its room is given back", took, 3, "s")

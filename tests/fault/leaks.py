@@ -13,7 +13,7 @@ import numpy as np
 import served
 
 MARK = "marked-bytes-of-an-asset"
-NAME = "a-name"  # names are in the log: refusals say them
+NAME = "a-name"  # names are in the log: refusals have them
 
 
 def session(daemon, tls, token, folder):
@@ -78,7 +78,7 @@ def decode(client, path):
 
 
 def dumps_core(daemon):
-    """Whether a crash leaves the daemon's memory behind; by a signal that no sanitizer reports."""
+    """True if a crash leaves the daemon's memory behind; by a signal that no sanitizer reports."""
     os.kill(daemon.process.pid, signal.SIGABRT)
     status = os.waitpid(daemon.process.pid, 0)[1]
     daemon.process.returncode = -signal.SIGABRT

@@ -55,7 +55,7 @@ def refused(call):
 
 
 def fails(daemon):
-    """Whether the other tenant cannot open a session, make a scene, upload, ask and render."""
+    """True if the other tenant cannot open a session, make a scene, upload, ask and render."""
     try:
         with connect(daemon, "vision") as client, client.create_scene() as scene:
             with scene.edit() as edit:
@@ -119,16 +119,16 @@ def long_job(scene, **overlay):
     return request
 
 
-def check(report, daemon, limit, told):
-    said = told is not None and f"limit {limit}" in str(told)
-    report.figure(f"{limit}: not refused, or not told why", not said, 0)
+def check(report, daemon, limit, error):
+    is_named = error is not None and f"limit {limit}" in str(error)
+    report.figure(f"{limit}: not refused, or not told why", not is_named, 0)
     report.figure(f"{limit}: another tenant is refused", fails(daemon), 0)
 
 
 def takes_sessions(report):
     with two_tenants(sessions=24) as daemon, contextlib.ExitStack() as robots:
-        told = refused(lambda: [robots.enter_context(connect(daemon, "robots")) for _ in range(40)])
-        check(report, daemon, "sessions", told)
+        why = refused(lambda: [robots.enter_context(connect(daemon, "robots")) for _ in range(40)])
+        check(report, daemon, "sessions", why)
 
 
 def takes_scenes(report):
@@ -140,9 +140,9 @@ def takes_jobs(report):
     with two_tenants(jobs=16) as daemon, connect(daemon, "robots") as client:
         scene = common.stage(client, 256, 256)
         calls = [begin(client, "Render", long_job(scene)) for _ in range(20)]
-        told = errors_of(calls)
-        common.seconds_until(lambda: told)
-        check(report, daemon, "jobs", told[0])
+        errors = errors_of(calls)
+        common.seconds_until(lambda: errors)
+        check(report, daemon, "jobs", errors[0])
         for call in calls:
             call.cancel()
 
@@ -220,8 +220,8 @@ def kept(report):
             with client.create_scene() as scene:
                 text = "x" * (6 * MIB)
                 requests = (put(scene, i + 1, name_of(i), text) for i in range(40))
-                told = refused(lambda: [apply(scene, request) for request in requests])
-                report.figure(f"{what}: not refused", "limit tenant_bytes" not in str(told), 0)
+                error = refused(lambda: [apply(scene, request) for request in requests])
+                report.figure(f"{what}: not refused", "limit tenant_bytes" not in str(error), 0)
                 report.figure(f"{what}: counted less than is kept", used() < most / 2, 0)
             gone = common.seconds_until(lambda: used() == 0)
             report.figure(f"{what}: until they are gone", gone, 1, "s")
@@ -256,12 +256,12 @@ def waiting(report):
 
         before = common.resident(common.pid_of(client))
         calls = [begin(client, "RenderBatch", items()) for _ in range(24)]
-        told = errors_of(calls)
+        errors = errors_of(calls)
         with contextlib.suppress(TimeoutError):
-            common.seconds_until(lambda: told)
+            common.seconds_until(lambda: errors)
         time.sleep(1)
-        said = any("limit tenant_bytes" in error.details() for error in told)
-        report.figure("batches that wait: not refused", not said, 0)
+        is_named = any("limit tenant_bytes" in error.details() for error in errors)
+        report.figure("batches that wait: not refused", not is_named, 0)
         grown = (common.resident(common.pid_of(client)) - before) / MIB
         report.figure("batches that wait: memory", grown, 64 + 150, "MiB", slack=False)
         over.set()
@@ -277,7 +277,7 @@ def removed(group):
 
 @contextlib.contextmanager
 def pod(limit):
-    """What a process is executed under to be in a container of this much memory; () where none can
+    """The command that runs a process in a container of this much memory; () where none can
     be made."""
     if (GROUPS / "memory").is_dir():
         root, file = GROUPS / "memory", "memory.limit_in_bytes"
@@ -342,17 +342,17 @@ def memory(report):
                 limits = {**limits, "memory_bytes": POD}
             with served.served("--grace", "0", *limit_flags(**limits), under=enter) as daemon:
                 with hg.connect(daemon.socket) as client:
-                    told = refused(lambda c=client: fill(c))
-                    print("   ", told)
+                    error = refused(lambda c=client: fill(c))
+                    print("   ", error)
                     named = "memory_bytes" if "tenant_bytes" in limits else "tenant_bytes"
                     report.figure(
-                        f"{what}: an upload is not refused", f"limit {named}" not in str(told), 0
+                        f"{what}: an upload is not refused", f"limit {named}" not in str(error), 0
                     )
                 took = common.seconds_until(lambda d=daemon: refused(lambda: stage_in(d)) is None)
                 report.figure(f"{what}: until a client is served again", took, 5, "s")
                 with hg.connect(daemon.socket) as client:
-                    told = refused(lambda c=client: sparse(c, 2 * POD))
-                    report.figure(f"{what}: a sparse file is not refused", told is None, 0)
+                    error = refused(lambda c=client: sparse(c, 2 * POD))
+                    report.figure(f"{what}: a sparse file is not refused", error is None, 0)
                     report.figure(f"{what}: it is not ready", not client.info().ready, 0)
 
 

@@ -1,4 +1,4 @@
-"""What clients do to a daemon, each in a process of its own, which may end by kill -9 at any
+"""Clients that load a daemon, each in a process of its own, which may end by kill -9 at any
 moment. Used by churn.py and soak.py."""
 
 import contextlib
@@ -144,7 +144,7 @@ class Crowd:
         self._visits[process] = killed
 
     def reap(self):
-        """Those that ended; how many are there still."""
+        """Joins the processes that ended; returns how many are left."""
         for process, killed in list(self._visits.items()):
             if process.exitcode is not None:
                 self.failed += process.exitcode != (-signal.SIGKILL if killed else 0)
@@ -155,7 +155,7 @@ class Crowd:
 
 
 def holdings(client):
-    """What the daemon holds that must come back to where it was."""
+    """Use by the daemon that must come back to where it was."""
     pid = common.pid_of(client)
     links = []
     for fd in pathlib.Path(f"/proc/{pid}/fd").iterdir():

@@ -46,7 +46,7 @@ def harmful(text):
 
 
 def forge(report):
-    """What a hostile name becomes in both kinds of log."""
+    """Checks a hostile name in both kinds of log."""
     for flags in ((), ("--log-json",)):
         with served.served("--log-level", "info", *flags) as daemon:
             refused = open_session(daemon, "x" * (15 << 20) if not flags else "x" * 257)
@@ -87,7 +87,7 @@ class Unread(served.Served):
         os.close(write)
 
     def drain(self):
-        """What was written until now."""
+        """Text written until now."""
         text = b""
         with contextlib.suppress(BlockingIOError):
             while piece := os.read(self.read, 1 << 20):
@@ -110,16 +110,16 @@ def stop_reading(report):
             probe = [served.DAEMON, "--socket", daemon.path, "--probe", "live"]
             code = subprocess.run(probe, check=False).returncode
             report.figure("exit code of --probe live", code, 0, slack=False)
-            lost = dropped(daemon)
-            report.figure("dropped lines are counted", int(lost == 0), 0, slack=False)
+            dropped_lines = dropped(daemon)
+            report.figure("dropped lines are counted", int(dropped_lines == 0), 0, slack=False)
             text = ""
 
-            def told():
+            def is_reported():
                 nonlocal text
                 text += daemon.drain()
                 return "log lines were dropped" in text
 
-            took = common.seconds_until(told)
+            took = common.seconds_until(is_reported)
             report.figure("told what was dropped after", took, 2, "s")
             for _ in range(2000):
                 refused_call(client)

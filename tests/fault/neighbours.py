@@ -1,4 +1,4 @@
-"""What one client brings holds up no other: frames of a small client alone, and beside a process
+"""Data of one client holds up no other: frames of a small client alone, and beside a process
 that brings and renders a mesh of 5 million triangles, a dome of 8k, a volume of 1 GB, textures of
 4k, sensor frames of 1080p or 60 pictures of 25 Mpixel to decode; the daemon is ready throughout.
 And 100 scenes in turn cost what one does, while they have room.
@@ -30,7 +30,7 @@ FRAMES = common.size(10, 2)  # with the sensor
 PICTURES = common.size(60, 4)
 SIDE = common.size(5000, 1500)  # pixels of a picture, each way
 SCENES = common.size(100, 12)
-QUIET = 20  # frames' time within which nobody can tell a wait from noise
+QUIET = 20  # frames' time within which a wait is lost in noise
 
 
 def bring_mesh(scene):
@@ -94,7 +94,7 @@ def bring_decodes(scene):
 
 
 def bring(name, address):
-    """Says "ready", and waits for a line before it brings something; then says how long it took."""
+    """Prints "ready", waits for a line, brings something, and prints how long that took."""
     with hg.connect(address) as client:
         steps = globals()[f"bring_{name}"](common.stage(client, 64, 64))
         next(steps)

@@ -3,7 +3,7 @@ of an array and two calls on Ray, with several writers and resume=. Of two that 
 goes on, the other is refused by the name of what differs, and no file is of it; two that are equal
 end with the bytes of one.
 
-usage: see common.py; a number says how many pairs of different ones (200), a tenth of it are equal
+usage: see common.py; a number: pairs of different ones (200), a tenth of it are equal
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Scenes:
             furnish(self.made[name], radius)
 
     def run(self, out, settings, how="processes"):
-        """(images made or None, what was said)"""
+        """(images made or None, the message)"""
         options = {key: settings[key] for key in ("seed", "splits")}
         options |= {"spp": settings.get("spp", 1), "size": settings.get("size", (32, 24))}
         if how == "ray":
@@ -106,7 +106,7 @@ def connected():
 
 
 def work(pipe, barrier):
-    """A process that makes what it is told, when the other one does."""
+    """A process that makes the set it gets, when the other one does."""
     with connected() as client:
         scenes = Scenes(client)
         pipe.send("ready")
@@ -133,7 +133,7 @@ class Pair:
             assert pipe.recv() == "ready"
 
     def run(self, out, both, how):
-        """What each of them said."""
+        """The result of each of them."""
         if how in ("threads", "ray"):
             return self._by_threads(out, both, how)
         for pipe, settings in zip(self.pipes, both, strict=True):
@@ -141,18 +141,18 @@ class Pair:
         return [pipe.recv() for pipe in self.pipes]
 
     def _by_threads(self, out, both, how):
-        barrier, said = threading.Barrier(2), [(None, "raised")] * 2
+        barrier, results = threading.Barrier(2), [(None, "raised")] * 2
 
         def run(number):
             barrier.wait()
-            said[number] = self.scenes.run(out, both[number], how)
+            results[number] = self.scenes.run(out, both[number], how)
 
         threads = [threading.Thread(target=run, args=(number,)) for number in range(2)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        return said
+        return results
 
 
 def files(*roots):
@@ -170,7 +170,7 @@ def roots_of(out, settings):
 
 
 class Alone:
-    """What a run makes that is undisturbed."""
+    """Files that an undisturbed run makes."""
 
     def __init__(self, work, scenes):
         self.work, self.scenes, self.known = work, scenes, {}
@@ -180,8 +180,8 @@ class Alone:
         key = repr(sorted((k, v) for k, v in settings.items() if k != "resume"))
         if key not in self.known:
             out = self.work / "alone" / "set"
-            made, said = self.scenes.run(out, settings)
-            assert made, said
+            made, message = self.scenes.run(out, settings)
+            assert made, message
             self.known[key] = files(*roots_of(out, settings))
             shutil.rmtree(out.parent)
         return self.known[key]
@@ -211,14 +211,14 @@ def of_pair(number, equal):
 def watch_one(pair, alone, number, found):
     both, how, name = of_pair(number, False)
     out = pair_folder(alone.work)
-    said = pair.run(out, both, how)
-    winners = [index for index, (made, _) in enumerate(said) if made is not None]
+    results = pair.run(out, both, how)
+    winners = [index for index, (made, _) in enumerate(results) if made is not None]
     if len(winners) != 1:
         found["not one"] += 1
-        print(f"  pair {number}, {how}, {both}: {said}", file=sys.stderr)
+        print(f"  pair {number}, {how}, {both}: {results}", file=sys.stderr)
         return
     found[how] += 1
-    won, (_, refusal) = both[winners[0]], said[1 - winners[0]]
+    won, (_, refusal) = both[winners[0]], results[1 - winners[0]]
     found["unnamed"] += f"is a data set with another {name}" not in refusal
     check(alone, out, won, number, found)
 
@@ -243,8 +243,8 @@ def pair_folder(work):
 def watch_equal(pair, alone, number, found):
     both, how, _ = of_pair(number, True)
     out = pair_folder(alone.work)
-    said = pair.run(out, both, how)
-    refused = [text for made, text in said if made is None]
+    results = pair.run(out, both, how)
+    refused = [text for made, text in results if made is None]
     found["equal refused"] += len(refused)
     if refused:
         print(f"  equal pair {number}, {how}: {refused}", file=sys.stderr)

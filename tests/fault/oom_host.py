@@ -63,8 +63,8 @@ def check(limit, report):
         size, revision = common.resident(pid), scene.revision
         for _ in range(3):  # what was refused is not kept either
             error = refused(scene, change)
-        told = error is not None and error.needed > error.available
-        report.figure(f"{limit}: not refused with needed and available", not told, 0, slack=False)
+        good = error is not None and error.needed > error.available
+        report.figure(f"{limit}: not refused with needed and available", not good, 0, slack=False)
         report.figure(f"{limit}: revisions moved", scene.revision - revision, 0, slack=False)
         after = scene.render("cam", **picture)
         differ = any(not np.array_equal(before[plane], after[plane]) for plane in before)

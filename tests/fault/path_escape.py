@@ -132,11 +132,11 @@ def main():
             answers = {path: decode(client, path) for path in paths}
             wrong = [p for p, a in answers.items() if not isinstance(a, hg.NotFound)]
             report.figure(f"of {len(paths)} paths, not NOT_FOUND", len(wrong), 0)
-            told = [
+            differing = [
                 p for p, a in answers.items() if str(a) != str(missing) or a.field != missing.field
             ]
-            report.figure("told apart from a missing file", len(told), 0)
-            for path in {*wrong, *told}:
+            report.figure("told apart from a missing file", len(differing), 0)
+            for path in {*wrong, *differing}:
                 print("   ", repr(path[:60]), repr(answers[path])[:200])
             check_models(report, client, place, root)
         with common.daemon() as client:

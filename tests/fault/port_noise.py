@@ -10,7 +10,7 @@ import heliograph as hg
 from served import served
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
-HELLO = bytes.fromhex("16030100f8010000f40303") + bytes(240)  # of TLS, as far as the length says
+HELLO = bytes.fromhex("16030100f8010000f40303") + bytes(240)  # of TLS, by the length
 
 
 def random_bytes():

@@ -81,8 +81,8 @@ def main():
             with hg.connect(client.address) as other:
                 scene = common.stage(other)
                 error = refused(lambda call=call, scene=scene: call(scene))
-                told = error is not None and name in str(error) and error.needed > error.available
-                report.figure(f"{name}: not refused, or not told why", not told, 0)
+                good = error is not None and name in str(error) and error.needed > error.available
+                report.figure(f"{name}: not refused, or not told why", not good, 0)
                 if name.endswith("_per_second"):
                     wait = error.retry_seconds if error else 0
                     report.figure(f"{name}: no retry time", not 0 < wait < 60, 0)

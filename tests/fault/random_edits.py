@@ -98,7 +98,7 @@ def edits(rng):
 
 
 def applied(scene, change):
-    """Whether the scene took an edit: what does not fit others before it is refused."""
+    """True if the scene took an edit: what does not fit others before it is refused."""
     try:
         with scene.edit() as edit:
             change(edit)

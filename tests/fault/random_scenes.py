@@ -105,7 +105,7 @@ def furnish(scene, random):
 
 
 def bad_pixels(frame):
-    """Of planes that hold something else than numbers, or radiance below 0."""
+    """Number of pixels that are no numbers, or of radiance below 0."""
     bad = sum(int((~np.isfinite(frame[plane])).sum()) for plane in LIGHT + LABELS[:3])
     return bad + int((frame["beauty"] < 0).sum())
 

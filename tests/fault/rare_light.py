@@ -65,7 +65,7 @@ def small_hole(edit):
 
 
 def glass_caustic(edit):
-    """What a ball of glass throws of a small lamp on a floor that another light shows faintly."""
+    """A caustic of a glass ball and a small lamp on a floor that another light shows faintly."""
     floor(edit)
     put(edit, "ball", hg.shapes.sphere(0.4, 96), GLASS, (0, 0, 0.6))
     lamp(edit, (-1, 0.5, 2.5), 60.0, 0.06)
@@ -74,7 +74,7 @@ def glass_caustic(edit):
 
 
 def ring_caustic(edit):
-    """What the inside of a mirror ring throws of a small lamp on the floor."""
+    """A caustic of a small lamp from the inside of a mirror ring on the floor."""
     floor(edit)
     tube = hg.shapes.torus(0.6, 0.12, 128)
     put(edit, "ring", tube, MIRROR | {"roughness": 0.05}, (0, 0, 0.15), (1, 1, 2))

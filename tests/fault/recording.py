@@ -1,4 +1,4 @@
-"""What recording (--record) costs: edits, frames and questions, with and without; its bytes."""
+"""Cost of recording (--record): edits, frames and questions, with and without; its bytes."""
 
 import pathlib
 import tempfile

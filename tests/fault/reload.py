@@ -82,10 +82,10 @@ def check_files(report, place, daemon, tls, load):
     time.sleep(0.7)
     answer = served.ask_once(daemon.tcp, tls, load.token)
     report.figure("after wrong files: refused", answer != "OK", 0)
-    said = sum(
+    lines = sum(
         "what held goes on" in line and "--tenants" in line for line in daemon.log().splitlines()
     )
-    report.figure("wrong files that the log does not tell", 4 - said, 0)
+    report.figure("wrong files that the log does not tell", 4 - lines, 0)
     report.figure("of them, told with what is in them", "nonsense" in daemon.log(), 0)
 
 

@@ -58,14 +58,14 @@ class Editor(Worker):
 
 def lose(daemon, scene, report):
     """Ends the daemon by a loss under a render; seconds until it was gone."""
-    told = []
+    waits = []
 
     def endless():
         with contextlib.suppress(Exception):
             try:
                 scene.render("cam", spp=1 << 20, progress=False)
             except hg.Unavailable as error:
-                told.append(error.retry_seconds)
+                waits.append(error.retry_seconds)
 
     job = threading.Thread(target=endless)
     job.start()
@@ -76,7 +76,7 @@ def lose(daemon, scene, report):
     job.join()
     took = time.perf_counter() - begun
     report.figure("exit code that is not 75", abs(code - 75), 0, slack=False)
-    report.figure("renders that were not told when to retry", not any(told), 0, slack=False)
+    report.figure("renders that were not told when to retry", not any(waits), 0, slack=False)
     return took
 
 

@@ -91,12 +91,12 @@ class Served:
             )
         atexit.register(self.process.kill)  # of a script that ends by an error
         os.close(ready)
-        with os.fdopen(read) as line:
-            said = line.readline()
-        if not said:
+        with os.fdopen(read) as pipe:
+            line = pipe.readline()
+        if not line:
             raise RuntimeError(f"heliographd did not start: {self.log()}")
-        told = json.loads(said)
-        self.tcp, self.metrics = next(iter(told["listen"]), ""), told["metrics"]
+        announced = json.loads(line)
+        self.tcp, self.metrics = next(iter(announced["listen"]), ""), announced["metrics"]
 
     def log(self):
         return self._log.read_text()
@@ -116,7 +116,7 @@ class Served:
         return len(os.listdir(f"/proc/{self.pid}/fd"))
 
     def cpu_seconds(self):
-        """Of all threads, user and system."""
+        """CPU time of all threads, user and system."""
         with open(f"/proc/{self.pid}/stat") as file:
             fields = file.read().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -144,7 +144,7 @@ def served(*flags, folder=None, **options):
 
 
 def few_descriptors(most):
-    """What a daemon is executed under to have no more."""
+    """The command that runs a daemon with no more."""
     return ("prlimit", f"--nofile={most}")
 
 

@@ -142,7 +142,7 @@ def shown_after_release(scene):
 
 
 def named(scene, **place):
-    """Whether an edit that names this range of a shared buffer is refused, as it must be."""
+    """True if an edit that names this range of a shared buffer is refused, as it must be."""
     poses = np.tile(np.eye(4), (20_000, 1, 1))
     data = poses.astype(np.float32)
     array = types.Array(dtype=types.D_TYPE_F32, shape=data.shape)

@@ -1,7 +1,7 @@
 """R18: mixed load with clients that crash, for as long as wanted: no restart, no growth.
 
 usage: .venv/bin/python tests/fault/soak.py [--short] [MINUTES=420]
-Memory is looked at when nobody is there: under load it tells what is just being done. The slope is
+Memory is looked at when nobody is there: under load it shows what is just being done. The slope is
 over the last two thirds, and accepted when a growth of 1 MB/h lies within two of its errors.
 """
 

@@ -82,8 +82,8 @@ def loop(report):
             code = daemon.process.wait(60)
             report.figure("SIGTERM ends it after", time.perf_counter() - start, 6, "s")
             report.figure("exit code, 70 as for a bug", abs(code - 70), 0, slack=False)
-        told = [text for text in ("it stands still", "it moves again") if text in daemon.log()]
-        report.figure("lines that the log lacks", 2 - len(told), 0, slack=False)
+        lines = [text for text in ("it stands still", "it moves again") if text in daemon.log()]
+        report.figure("lines that the log lacks", 2 - len(lines), 0, slack=False)
 
 
 if __name__ == "__main__":

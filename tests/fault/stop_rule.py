@@ -1,10 +1,10 @@
 """The noise that a picture reports when it stops by `noise=` is the error that it has, where light
-is rare: on eleven scenes within a factor of 1.5, whether too large or too small.
+is rare: on eleven scenes within a factor of 1.5, too large or too small.
 
 The error is docs/python.md's: the mean over the pixels of the standard error of a pixel's
 luminance over that luminance, over at least a hundredth of the picture's mean. Luminance and the
 variance of a sample are those of a reference of so many samples that it knows both: of its own
-error a quarter at most is that of pixels which fewer than eight samples tell. Reported is the mean
+error a quarter at most is that of pixels of fewer than eight samples. Reported is the mean
 of PICTURES pictures, each of a seed of its own. HELIOGRAPH_BACKEND=cuda tries a GPU. A scene's name
 as an argument runs that one alone.
 """

@@ -38,7 +38,7 @@ class Stranger:
         self.socket.setblocking(False)
 
     def step(self):
-        """Sends what flow control lets through, and hears what it lets through from now on."""
+        """Sends what flow control lets through, and reads what it lets through from now on."""
         try:
             self._in += self.socket.recv(1 << 16)
         except BlockingIOError:
@@ -46,7 +46,7 @@ class Stranger:
         while len(self._in) >= 9 and len(self._in) >= 9 + int.from_bytes(self._in[:3], "big"):
             size = int.from_bytes(self._in[:3], "big")
             stream = int.from_bytes(self._in[5:9], "big") & 0x7FFFFFFF
-            self._hear(self._in[3], self._in[4], stream, self._in[9 : 9 + size])
+            self._receive(self._in[3], self._in[4], stream, self._in[9 : 9 + size])
             self._in = self._in[9 + size :]
         if not self._out:
             self._fill()
@@ -57,7 +57,7 @@ class Stranger:
         self._out = self._out[sent:]
         self.sent += sent
 
-    def _hear(self, kind, flags, stream, body):
+    def _receive(self, kind, flags, stream, body):
         if kind == WINDOW_UPDATE and stream == 0:
             self._room += int.from_bytes(body, "big")
         elif kind == WINDOW_UPDATE and stream in self._of_stream:

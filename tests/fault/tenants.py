@@ -50,7 +50,7 @@ def until_limit(client, name, value):
 
 
 def put_entities(scene, count):
-    """Whether there was room for them."""
+    """True if there was room for them."""
     try:
         with scene.edit() as edit:
             for _ in range(count):
@@ -71,7 +71,7 @@ def shares(daemon):
 
 
 def check_given(report, daemon, clients):
-    """Each has what its lines say, the rest of what the daemon gives to all."""
+    """Each has what its lines give, the rest of what the daemon gives to all."""
     limits = daemon.scrape("heliograph_tenant_limit")
     weights = daemon.scrape("heliograph_tenant_weight")
     wrong, misjudged = [], []
@@ -80,9 +80,9 @@ def check_given(report, daemon, clients):
         ("vision", 3, 8, 1000),
         ("ops", 1, 64, 500),
     ):
-        told = clients[tenant].info().limits
+        own = clients[tenant].info().limits
         for name, value in (("tenant_jobs", jobs), ("tenant_entities", entities)):
-            wrong += [told[name] != value, limits[f'limit="{name}",tenant="{tenant}"'] != value]
+            wrong += [own[name] != value, limits[f'limit="{name}",tenant="{tenant}"'] != value]
         wrong.append(weights[f'tenant="{tenant}"'] != weight)
         with clients[tenant].create_scene() as scene:
             misjudged.append(put_entities(scene, 200) != (entities >= 200))

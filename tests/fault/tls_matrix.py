@@ -16,7 +16,7 @@ HANDSHAKE_SECONDS = 5.0
 
 
 def is_let_in(address, context):
-    """Whether the handshake ends well: the daemon then speaks HTTP/2 first."""
+    """True if the handshake ends well: the daemon then speaks HTTP/2 first."""
     host, port = address.rsplit(":", 1)
     try:
         with socket.create_connection((host, int(port)), 5) as plain:
@@ -39,7 +39,7 @@ def silent_seconds(address, first):
 
 
 def speaks(address, version, ca):
-    """Whether the daemon takes this version of TLS from a client that speaks no other."""
+    """True if the daemon takes this version of TLS from a client that speaks no other."""
     command = ["openssl", "s_client", "-connect", address, f"-{version}", "-CAfile", ca]
     command += ["-cipher", "ALL:@SECLEVEL=0", "-alpn", "h2"]
     done = subprocess.run(command, input=b"", capture_output=True, timeout=20)
@@ -47,7 +47,7 @@ def speaks(address, version, ca):
 
 
 def raises(kind, call):
-    """Whether the error is of this kind and names the cause."""
+    """True if the error is of this kind and names the cause."""
     try:
         call()
     except kind as error:

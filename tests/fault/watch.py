@@ -160,7 +160,7 @@ def run(folder, seconds, kept, counts):
 
 
 def check(editors, watchers, last, counts):
-    """What was acknowledged against what was seen."""
+    """Compares the acknowledged edits with those seen."""
     made = {r: t for editor in editors for r, t in editor.acknowledged.items()}
     counts["events"] += sum(len(w.seen) for w in watchers)
     counts["compacted"] += sum(w.compacted for w in watchers)
@@ -237,10 +237,10 @@ def main():
             for _ in range(RUNS):
                 with tempfile.TemporaryDirectory() as folder:
                     run(folder, SECONDS, kept, counts)
-            said = ", ".join(
+            counted = ", ".join(
                 f"{counts[name]} {name}" for name in ("kills", "events", "compacted", "bookmarks")
             )
-            print(f"  {title}: {RUNS} runs of {SECONDS} s, {said}")
+            print(f"  {title}: {RUNS} runs of {SECONDS} s, {counted}")
             for name in names:
                 report.figure(f"{title}: {name}", counts[name], 0)
             if not kept:

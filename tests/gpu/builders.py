@@ -135,7 +135,7 @@ def check_sheet(gpu, cpu, side, change=bend):
 
 
 def check(gpu, cpu, count):
-    """Whether all is as it should be; prints a line."""
+    """True if all is as it should be; prints a line."""
     took, uploaded, inside = [], [], []
     with gpu.create_scene() as there, cpu.create_scene() as here:
         balls, ours = furnish(there, count), furnish(here, count)

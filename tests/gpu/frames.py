@@ -286,12 +286,12 @@ def joints(client, count=1024):
             took.append(1e3 * seconds)
         try:
             hg.Worlds(count).set_joints(arm, torch.from_numpy(rows + 9).cuda())
-            told = ""
+            error_text = ""
         except hg.InvalidArgument as error:
-            told = str(error)
+            error_text = str(error)
     apart = float(np.abs(poses[1] - poses[0]).max())
     differ = float(np.mean(pictures[1] != pictures[0]))
-    good = apart < 1e-6 and differ < 1e-2 and told.startswith("values[0]: joint")
+    good = apart < 1e-6 and differ < 1e-2 and error_text.startswith("values[0]: joint")
     text = f"poses apart by {apart:.1e}, {differ:.1e} of the depths differ; {count} robots "
     report("joints of a tensor", good, text + f"{took[1]:.2f} ms, from numpy {took[0]:.2f} ms")
 
@@ -317,7 +317,7 @@ def killed_client(client):
 
 
 def others(client, scene):
-    """What another session or an other kind of client gets of this one's buffers: nothing."""
+    """Checks that another session or kind of client gets nothing of this one's buffers."""
     held = look(scene, device="cuda")
     buffer = next(iter(client.connection.link.shared._maps))
     with hg.connect(client.address) as other:

@@ -41,7 +41,7 @@ def gpu_mib():
 
 
 def lose(daemon, scene, report):
-    """Plants the fault; whether the daemon has to be started again, as most drivers want it."""
+    """Plants the fault; true if the daemon has to be started again, as most drivers want it."""
     health = Health(f"unix:{daemon.path}")
     with contextlib.suppress(hg.Unavailable):
         os.kill(daemon.pid, signal.SIGUSR1)

@@ -32,7 +32,7 @@ BESIDE = 96  # MiB that the driver needs for what runs, beside what it is asked 
 
 
 class Daemon:
-    """A private daemon with a budget, and what it says of itself."""
+    """A private daemon with a budget, and its metrics."""
 
     def __init__(self, budget):
         with socket.socket() as free:

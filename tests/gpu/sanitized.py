@@ -36,7 +36,7 @@ def render_all(address):
 
 
 def check(tool):
-    """Returns whether the tool found nothing."""
+    """True if the tool found nothing."""
     with tempfile.TemporaryDirectory() as folder:
         socket, log = pathlib.Path(folder) / "daemon.sock", pathlib.Path(folder) / "log"
         command = [sanitizer(), "--tool", tool, "--log-file", log, "--error-exitcode", "9"]
@@ -59,12 +59,12 @@ def check(tool):
                 daemon.wait(PATIENCE)
             except subprocess.TimeoutExpired:
                 daemon.send_signal(signal.SIGKILL)
-        said = log.read_text()
-        summary = [line for line in said.splitlines() if "SUMMARY" in line]
+        text = log.read_text()
+        summary = [line for line in text.splitlines() if "SUMMARY" in line]
         clean = bool(summary) and all(" 0 " in line for line in summary)
         print(f"{tool:10s} {'ok' if clean else 'FAILED'}: {'; '.join(summary) or 'no summary'}")
         if not clean:
-            print("\n".join(said.splitlines()[:60]))
+            print("\n".join(text.splitlines()[:60]))
         return clean
 
 

@@ -3,7 +3,7 @@ daemon with `--backend cuda`, what tests/gpu checks, and the bench. Prints a lin
 writes them as a table.
 
 usage: suite.py BUNDLE [FOLDER [PART...]]
-BUNDLE is where scripts/bundle's archive was unpacked; FOLDER gets table.md and what each part said.
+BUNDLE is where scripts/bundle's archive was unpacked; FOLDER gets table.md and each part's output.
 Needs Python 3.12 with pytest, Pillow, OpenEXR and tqdm, and a checkout of the same commit around
 this file; `lost` also heliographd-faulty of the build tree in BUNDLE/bin.
 Ends with 1 if a part fails.
@@ -155,15 +155,15 @@ def main(bundle, folder=None, *parts):
                 stderr=subprocess.STDOUT,
                 check=False,
             )
-            said = [line for line in done.stdout.splitlines() if line.strip()] or [""]
-            rows.append((name, done.returncode, time.monotonic() - begin, said))
+            output = [line for line in done.stdout.splitlines() if line.strip()] or [""]
+            rows.append((name, done.returncode, time.monotonic() - begin, output))
             print(f"== {name}: {'ok' if done.returncode == 0 else 'FAILED'}, {rows[-1][2]:.0f} s")
-            print("\n".join(said[-40:]), flush=True)
+            print("\n".join(output[-40:]), flush=True)
             if folder:
                 pathlib.Path(folder, f"{name}.log").write_text(done.stdout)
     lines = ["| part | | seconds | |", "|---|---|---|---|"]
-    for name, code, took, said in rows:
-        lines.append(f"| {name} | {'FAILED' if code else 'ok'} | {took:.0f} | {said[-1]} |")
+    for name, code, took, output in rows:
+        lines.append(f"| {name} | {'FAILED' if code else 'ok'} | {took:.0f} | {output[-1]} |")
     print("\n".join(lines))
     lines += [f"\nLeft out, as they need {why}: {name}" for name, why in left_out.items()]
     if folder:

@@ -1,6 +1,6 @@
 """Renders the golden images anew and prints how they moved. usage: renew.py [NAME ...]
 
-The table goes into the commit message that says why they changed."""
+The table goes into the commit message, with why they changed."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def studio() -> Iterator[ours_side.Studio]:
 
 
 def measured(studio: ours_side.Studio, row: materials.Row, light: str) -> tuple[Any, Any]:
-    """Means and standard errors of what says something under a light."""
+    """Means and standard errors of the statistics that are meaningful under a light."""
     picture = studio.prepare(row, light)
     chunks = setting.measure(lambda seed: picture(SPP, seed), CHUNKS)["statistics"]
     mean, error = setting.mean_and_error(chunks)

@@ -34,7 +34,7 @@ def vertices(draw, thing):
 
 
 def same(a, b):
-    """Whether two draws made the same edits."""
+    """True if two draws made the same edits."""
     return a.edit.transaction.SerializeToString() == b.edit.transaction.SerializeToString()
 
 

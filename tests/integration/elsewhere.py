@@ -34,7 +34,7 @@ GONE = {
 
 
 def block():
-    """What is missing on Windows, or on macOS."""
+    """Removes what is missing on Windows, or on macOS."""
     import mmap
 
     for name in MODULES:
@@ -94,11 +94,11 @@ async def work_async(hg, address, options):
         assert (await scene.render("cam", planes=["depth"]))["depth"].shape == (8, 8)
 
 
-def refuses(hg, call, says):
+def refuses(hg, call, text):
     try:
         call()
     except hg.Unavailable as error:
-        assert says in str(error), error
+        assert text in str(error), error
     else:
         raise AssertionError("not refused")
 

@@ -77,7 +77,7 @@ class Glb:
         return found
 
     def check(self):
-        """Of all meshes: indices, unit normals and tangents; of all: nothing refers to nowhere."""
+        """Checks all meshes' indices, unit normals and tangents, and that references hold."""
         assert set(self.json.get("extensionsUsed", [])) == extensions_in(self.json)
         for mesh in self.json.get("meshes", []):
             for primitive in mesh["primitives"]:

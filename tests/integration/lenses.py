@@ -78,7 +78,7 @@ def lens(projection: str, *distortion: float, scale: float = 1.0) -> hg.Camera:
     return hg.Camera.from_intrinsics(k, WIDTH, HEIGHT, projection=projection, distortion=distortion)
 
 
-# What cameras are calibrated to, a wide one of each kind, and the ideal ones.
+# Lenses of calibrated cameras, a wide one of each kind, and the ideal ones.
 LENSES = {
     "pinhole": lens("perspective"),
     "orthographic": lens("orthographic", scale=0.12),

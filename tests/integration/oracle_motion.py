@@ -208,7 +208,7 @@ class Nested:
 
 
 class Wall:
-    """What stands behind; its keys say that it does not move."""
+    """The background; by its keys it does not move."""
 
     label = 5
 

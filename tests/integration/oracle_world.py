@@ -123,7 +123,7 @@ class World:
 
 
 class Truth:
-    """What every pixel of one state should show."""
+    """Expected value of every pixel in one state."""
 
     def __init__(self, world: World, k: int) -> None:
         self.things = world.states[k]

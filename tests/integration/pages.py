@@ -1,4 +1,4 @@
-"""What the pages of the documentation show: programs, commands, C++.
+"""Contents of the documentation's pages: programs, commands, C++.
 
 A page's ```python blocks are one program: they run in the order of the page, with one set of names.
 `<!-- setup` ... `-->` is such a block that readers do not see. `<!-- not run: REASON -->` before a
@@ -79,20 +79,20 @@ class Program:
         self._check_shapes(block)
 
     def _check_shapes(self, block: Block) -> None:
-        """`frame["depth"]  # (480, 640) float32` tells the truth; a letter is any length."""
+        """`frame["depth"]  # (480, 640) float32` is checked; a letter is any length."""
         lines = block.code.splitlines()
         for statement in ast.parse(block.code).body:
-            told = _SHAPE.search(lines[statement.end_lineno - 1])
-            if not (isinstance(statement, ast.Expr) and told):
+            stated = _SHAPE.search(lines[statement.end_lineno - 1])
+            if not (isinstance(statement, ast.Expr) and stated):
                 continue
             source = ast.unparse(statement)
             array = eval(source, self.names)
-            lengths = [word.strip() for word in told[1].split(",") if word.strip()]
+            lengths = [word.strip() for word in stated[1].split(",") if word.strip()]
             where = f"{self.page.name}:{block.line + statement.lineno - 1}: {source}"
             assert len(array.shape) == len(lengths), f"{where} has the shape {array.shape}"
             for length, word in zip(array.shape, lengths, strict=True):
                 assert word.isalpha() or int(word) == length, f"{where}: {array.shape}"
-            assert told[2] in (None, str(array.dtype)), f"{where} is of {array.dtype}"
+            assert stated[2] in (None, str(array.dtype)), f"{where} is of {array.dtype}"
 
 
 def commands_of(page: pathlib.Path, program: str) -> tuple[list[list[str]], list[list[str]]]:

@@ -39,7 +39,7 @@ def recorded(tmp_path):
 
 
 def played(path, *flags):
-    """What became of each call at a private daemon, by verdict."""
+    """Counts of calls at a private daemon, by verdict."""
     found = {SAME: [], DIFFERS: [], NOT_PLAYED: []}
     with hg.connect(arguments=flags) as client:
         for outcome in replay(Recording(path), client):

@@ -1,4 +1,4 @@
-"""What the tables of bad input share: a scene to refer to, calls, and what a refusal must be."""
+"""Helpers of the tables of bad input: a scene to refer to, calls, and the check of a refusal."""
 
 import re
 
@@ -81,7 +81,7 @@ def render(camera="cam", **options):
     return lambda scene: scene.render(camera, **{"spp": 1, **options})
 
 
-def check(world, call, want, says=""):
+def check(world, call, want, message=""):
     """`call` raises want[0] and names the field want[1]; the scene stays; the next one works."""
     kind, field = want
     before = world.revision
@@ -90,6 +90,6 @@ def check(world, call, want, says=""):
     error = raised.value
     assert type(error) is kind, repr(error)
     assert field in f"{error.field} {error}", (error.field, str(error))
-    assert re.search(says, str(error)), str(error)
+    assert re.search(message, str(error)), str(error)
     assert world.revision == before and "not kept" not in world
     assert world.render("cam", planes=["instance"])["instance"].max() > 0

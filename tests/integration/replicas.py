@@ -37,7 +37,7 @@ MATRICES = np.stack([rows(0.05 * i) for i in range(COUNT)])
 
 
 def of_world(edit, i):
-    """What world i has for itself, besides its poses."""
+    """Differences of world i from the scene, besides its poses."""
     if i == 1:
         edit.material("paint", base_color=(0.1, 0.9, 0.1), roughness=0.1)
     if i == 2:
@@ -78,7 +78,7 @@ def alone(scene, i, **options):
 
 
 def seed_of(seed, i):
-    """As render.proto says."""
+    """As in render.proto."""
     x, mask = i, 2**64 - 1
     x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & mask
     x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & mask

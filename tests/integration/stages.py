@@ -1,4 +1,4 @@
-"""USD stages as text, of test_usd.py. Metres and +Z up unless a test says otherwise."""
+"""USD stages as text, of test_usd.py. Metres and +Z up unless a test sets another."""
 
 import itertools
 import math

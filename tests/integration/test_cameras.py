@@ -221,7 +221,7 @@ def test_disparity_is_for_rectified_rigs(room):
     wide = hg.Camera.from_intrinsics(k * [[1.1], [1], [1]], WIDTH, HEIGHT)
     low = hg.Camera.from_intrinsics(k + [[0, 0, 0], [0, 0, 3], [0, 0, 0]], WIDTH, HEIGHT)
     small = hg.Camera.from_intrinsics(k, WIDTH, HEIGHT - 1)
-    for camera, transform, says in [
+    for camera, transform, message in [
         (LENSES["barrel"], right, "no distortion"),
         (LENSES["panorama"], right, "no distortion"),
         (wide, right, "fx, fy and cy"),
@@ -231,7 +231,7 @@ def test_disparity_is_for_rectified_rigs(room):
         (plain, right @ pose((0, 0, 0.01)), "beside"),
         (plain, right @ pose((0, 0, 0), rotation((0, 1, 0), 0.01)), "same way"),
     ]:
-        with pytest.raises(hg.FailedPrecondition, match=says) as raised:
+        with pytest.raises(hg.FailedPrecondition, match=message) as raised:
             ask(camera, transform)
         assert "planes.camera" in f"{raised.value.field} {raised.value}"
 

@@ -16,7 +16,7 @@ LENS = hg.Camera.from_fov(50, 320, 240, degrees=True)
 
 
 class Asked:
-    """What was asked quickly: True for each call that was answered so."""
+    """Quick calls: True for each that was answered so."""
 
     def __init__(self, monkeypatch):
         self.answered: list[bool] = []
@@ -105,12 +105,12 @@ def test_what_is_large_or_watched_goes_by_grpc(scene, asked):
 
 
 def test_progress_is_told(scene, asked):
-    told = []
-    frame = scene.render("cam", seconds=0.5, spp=1 << 20, progress=told.append)
+    reports = []
+    frame = scene.render("cam", seconds=0.5, spp=1 << 20, progress=reports.append)
     assert asked.answered == [True]
-    assert len(told) > 2 and all(isinstance(each, hg.Progress) for each in told)
-    assert [each.done for each in told] == sorted(each.done for each in told)
-    assert told[-1].rays_per_second > 0 and frame["beauty"].shape == (240, 320, 4)
+    assert len(reports) > 2 and all(isinstance(each, hg.Progress) for each in reports)
+    assert [each.done for each in reports] == sorted(each.done for each in reports)
+    assert reports[-1].rays_per_second > 0 and frame["beauty"].shape == (240, 320, 4)
     with pytest.raises(ZeroDivisionError):
         scene.render("cam", seconds=60, spp=1 << 20, progress=lambda each: 1 / 0)
     assert scene.render("cam", planes=["depth"])["depth"].shape == (240, 320)

@@ -135,7 +135,7 @@ def test_a_handle_of_another_scene_is_refused(client, staged, maker):
 
 def test_a_slurm_array(tmp_path):
     """make.sh as SLURM runs it, one task after the other, the second one twice."""
-    said = []
+    outputs = []
     for task in (0, 1, 1, 2):
         environment = {
             **os.environ,
@@ -153,11 +153,11 @@ def test_a_slurm_array(tmp_path):
             cwd=tmp_path,
         )
         assert done.returncode == 0, done.stderr
-        said.append(done.stdout)
-    assert "task 0 of 3: 3 images, 0 were there" in said[0]
-    assert "task 1 of 3: 0 images, 2 were there" in said[2]
-    assert ["all images are there" in text for text in said] == [False, False, False, True]
-    assert re.search(r"\d core-seconds an image", said[3])
+        outputs.append(done.stdout)
+    assert "task 0 of 3: 3 images, 0 were there" in outputs[0]
+    assert "task 1 of 3: 0 images, 2 were there" in outputs[2]
+    assert ["all images are there" in text for text in outputs] == [False, False, False, True]
+    assert re.search(r"\d core-seconds an image", outputs[3])
     assert len(list((tmp_path / "set").rglob("*.png"))) == 7
     assert hd.validate(tmp_path / "set").ok
 
@@ -227,23 +227,23 @@ def test_ray_makes_the_same_files(ray, staged, tmp_path):
 
 
 def test_of_two_calls_at_once_one_is_refused(ray, staged, tmp_path):
-    barrier, said = threading.Barrier(2), {}
+    barrier, results = threading.Barrier(2), {}
 
     def run(seed):
         options = {**OPTIONS, "seed": seed, "writer": hd.Coco(tmp_path / "set"), "workers": 1}
         barrier.wait()
         try:
-            said[seed] = cluster.generate(staged, "cam", shift, **options).images
+            results[seed] = cluster.generate(staged, "cam", shift, **options).images
         except hg.FailedPrecondition as error:
-            said[seed] = str(error)
+            results[seed] = str(error)
 
     threads = [threading.Thread(target=run, args=(seed,)) for seed in (7, 8)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    (winner,) = (seed for seed in said if said[seed] == 10)
-    assert "another seed" in said[15 - winner]
+    (winner,) = (seed for seed in results if results[seed] == 10)
+    assert "another seed" in results[15 - winner]
     hd.generate(
         staged, "cam", shift, writer=hd.Coco(tmp_path / "alone"), **{**OPTIONS, "seed": winner}
     )

@@ -190,7 +190,7 @@ def test_a_crowd_is_no_instance(client, tmp_path):
         writer = hd.Coco(tmp_path, panoptic=True)
         hd.generate(scene, "cam", flock, count=2, spp=1, writer=writer)
     for name, key in (("instances", "instance"), ("panoptic", "id")):
-        said = json.loads((tmp_path / f"annotations/{name}.json").read_text())["annotations"]
-        rows = [r for a in said for r in a.get("segments_info", [a])]
+        annotations = json.loads((tmp_path / f"annotations/{name}.json").read_text())["annotations"]
+        rows = [r for a in annotations for r in a.get("segments_info", [a])]
         assert {(r[key], r["iscrowd"]) for r in rows} == {(50, 1), (60, 0), (70, 1)}
     assert hd.validate(tmp_path).ok

@@ -82,9 +82,9 @@ def test_letters_of_two_bytes_of_which_one_is_a_backslash(scene, tmp_path, encod
     path = white(model(tmp_path, name))
     red_png(tmp_path / "t.png")
     os.rename(tmp_path / "t.png", os.fsencode(tmp_path) + b"/" + name)
-    color, told = look(scene, path)
+    color, warning = look(scene, path)
     np.testing.assert_allclose(color, RED, atol=2e-3)
-    assert told == ""
+    assert warning == ""
 
 
 def test_without_it_the_model_loads_and_a_warning_names_it(scene, tmp_path):

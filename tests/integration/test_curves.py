@@ -296,7 +296,7 @@ def test_cut_outs(scene):
 
 
 def hair(threads: int) -> hg.Frame:
-    """Of a daemon of so many threads."""
+    """A frame of a daemon of so many threads."""
     rng = np.random.default_rng(3)
     roots = rng.uniform(-1, 1, (400, 1, 3)) * (1, 1, 0.1)
     grown = roots + np.cumsum(rng.normal(0, 0.1, (400, 5, 3)), 1)

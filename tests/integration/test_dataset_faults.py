@@ -51,7 +51,7 @@ def disk(path, options):
 
 
 def goes_on(stage, root, whole, killed=False, **options):
-    """What is missing is made, and all is what a whole run makes. killed: files that were being
+    """Makes what is missing; all is as of a whole run. killed: files that were being
     written may be left until then."""
     partial = root / ".heliograph/partial"
     assert killed or not list(partial.glob("*"))
@@ -66,13 +66,13 @@ def goes_on(stage, root, whole, killed=False, **options):
 def test_a_file_that_cannot_grow_is_told(stage, tmp_path):
     root = tmp_path / "set"
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    said = r"image 1: .*images/000001.png: cannot be written .*make room there and call generate"
+    message = r"image 1: .*images/000001.png: cannot be written .*make room there and call generate"
 
     def limit():
         resource.setrlimit(resource.RLIMIT_FSIZE, (500, old[1]))
 
     try:
-        with pytest.raises(hg.ResourceExhausted, match=said):
+        with pytest.raises(hg.ResourceExhausted, match=message):
             make(stage, None, writer=before_image(hd.Coco, 1, limit)(root), credits=1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
@@ -113,10 +113,10 @@ def test_a_directory_that_is_closed_is_told(stage, tmp_path):
 def test_a_daemon_that_dies_is_told_and_another_one_goes_on(stage, tmp_path):
     root = tmp_path / "set"
 
-    said = r"image \d+: heliographd died \(killed by SIGKILL\).*images that are done stay"
+    message = r"image \d+: heliographd died \(killed by SIGKILL\).*images that are done stay"
     with hg.connect() as client:
         daemon = client.connection.daemon
-        with pytest.raises(hg.Unavailable, match=said), client.create_scene() as scene:
+        with pytest.raises(hg.Unavailable, match=message), client.create_scene() as scene:
             own = scene, *furnished(scene)
             deadly = before_image(hd.Coco, 5, lambda: os.kill(daemon._process.pid, signal.SIGKILL))
             make(own, None, writer=deadly(root), count=20, seed=2)

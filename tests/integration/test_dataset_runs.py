@@ -227,7 +227,7 @@ def test_memory_does_not_grow_with_the_images(stage, tmp_path):
 
 
 def test_progress_is_of_images(stage, tmp_path):
-    told = []
-    make(stage, tmp_path, progress=told.append)
-    assert told[-1].done == told[-1].total == 3
-    assert [p.done for p in told] == sorted(p.done for p in told)
+    reports = []
+    make(stage, tmp_path, progress=reports.append)
+    assert reports[-1].done == reports[-1].total == 3
+    assert [p.done for p in reports] == sorted(p.done for p in reports)

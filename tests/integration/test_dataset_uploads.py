@@ -1,4 +1,4 @@
-"""What a data set keeps of the files and arrays that its randomizers use."""
+"""Files and arrays of its randomizers that a data set keeps."""
 
 import shutil
 from pathlib import Path
@@ -35,7 +35,7 @@ def kept(root, name):
 
 
 def again(root, index):
-    """Whether an image has its bytes in a daemon that has seen nothing of its files."""
+    """True if an image has its bytes in a daemon that has seen nothing of its files."""
     image = hd.KeptImage(root, index)
     with hg.connect() as other:
         frame = image.render(other)
@@ -166,6 +166,6 @@ def test_rejected_draws_leave_nothing(stage, pictures, tmp_path):
 
 
 def again_blob(root, name):
-    """Whether an image's overlay names a blob."""
+    """True if an image's overlay names a blob."""
     overlays = [hd.KeptImage(root, i).overlay.SerializeToString() for i in range(2)]
     return any(bytes.fromhex(name) in overlay for overlay in overlays)

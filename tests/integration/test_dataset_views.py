@@ -201,7 +201,7 @@ def test_nerf_transforms_cast_the_pixels_rays(scene, tmp_path):
 
 
 def overlay_of(scene, randomizer, number):
-    """What generate() drew for an image of seed 0."""
+    """Draw of generate() for an image of seed 0."""
     overlay = scene.overlay()
     with overlay:
         base = BasePoses(scene)

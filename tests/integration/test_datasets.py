@@ -135,8 +135,8 @@ def run_command(capsys, *arguments):
     from heliograph.cli import main
 
     status = main([*map(str, arguments)])
-    told = capsys.readouterr()
-    return status, told.out + told.err
+    output = capsys.readouterr()
+    return status, output.out + output.err
 
 
 def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys, monkeypatch):
@@ -155,29 +155,29 @@ def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys, m
     for index in range(2):
         name = f"{index:06d}"
         again = tmp_path / f"{name}.png"
-        status, told = run_command(capsys, "rerender", tmp_path / "set" / name, "-o", again)
-        assert (status, told.splitlines()[-1]) == (0, "the same bytes")
+        status, output = run_command(capsys, "rerender", tmp_path / "set" / name, "-o", again)
+        assert (status, output.splitlines()[-1]) == (0, "the same bytes")
         assert again.read_bytes() == (tmp_path / f"set/images/{name}.png").read_bytes()
     shown = tmp_path / "shown.png"
-    status, told = run_command(capsys, "open", tmp_path / "set/images/000001.png", "-o", shown)
-    assert status == 0 and told.count("ball/") == BALLS
+    status, output = run_command(capsys, "open", tmp_path / "set/images/000001.png", "-o", shown)
+    assert status == 0 and output.count("ball/") == BALLS
     assert Image.open(shown).size == SIZE
     monkeypatch.setattr("PIL.ImageShow._viewers", [])
-    status, told = run_command(capsys, "open", tmp_path / "set/000001")
-    assert status == 1 and "nothing here shows pictures: write it with -o FILE" in told
+    status, output = run_command(capsys, "open", tmp_path / "set/000001")
+    assert status == 1 and "nothing here shows pictures: write it with -o FILE" in output
     record = tmp_path / "set/.heliograph/records/000000.json"
     record.write_text(record.read_text().replace('"sha256":"', '"sha256":"0'))
-    status, told = run_command(capsys, "rerender", tmp_path / "set/000000")
-    assert (status, told.partition(":")[0]) == (1, "other bytes than were written")
-    status, told = run_command(capsys, "rerender", tmp_path / "set/000009")
-    assert status == 2 and "no finished image" in told
-    status, told = run_command(capsys, "open", tmp_path / "000001.png")
-    assert status == 2 and "is no image of a data set" in told
-    status, told = run_command(capsys, "open", tmp_path / "set/000001", "-o", tmp_path / "a.foo")
-    assert status == 2 and "'a.foo' ends in nothing that pictures are written as" in told
+    status, output = run_command(capsys, "rerender", tmp_path / "set/000000")
+    assert (status, output.partition(":")[0]) == (1, "other bytes than were written")
+    status, output = run_command(capsys, "rerender", tmp_path / "set/000009")
+    assert status == 2 and "no finished image" in output
+    status, output = run_command(capsys, "open", tmp_path / "000001.png")
+    assert status == 2 and "is no image of a data set" in output
+    status, output = run_command(capsys, "open", tmp_path / "set/000001", "-o", tmp_path / "a.foo")
+    assert status == 2 and "'a.foo' ends in nothing that pictures are written as" in output
     record.write_text("{")
-    status, told = run_command(capsys, "rerender", tmp_path / "set/000000")
-    assert status == 1 and "000000.json: is torn" in told and "remove it" in told
+    status, output = run_command(capsys, "rerender", tmp_path / "set/000000")
+    assert status == 1 and "000000.json: is torn" in output and "remove it" in output
 
 
 def test_files_are_of_the_image_whose_number_begins_anew_in_each_scene(stage, tmp_path):

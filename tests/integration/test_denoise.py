@@ -30,7 +30,7 @@ def furnish(scene):
 
 
 def rmse(picture, reference):
-    """Of radiance compressed as the eye does: x / (1 + x)."""
+    """RMSE of radiance compressed as the eye does: x / (1 + x)."""
     a, b = (p[..., :3] / (1 + p[..., :3]) for p in (picture, reference))
     return float(np.sqrt(np.mean((a - b) ** 2)))
 

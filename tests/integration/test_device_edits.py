@@ -16,16 +16,16 @@ OPTIONS = {"planes": ["depth"], "labels": False}
 
 
 class OnGpu:
-    """What PyTorch's tensors tell of themselves; the stub's GPU has the host's memory."""
+    """The array interface of PyTorch's tensors; the stub's GPU has the host's memory."""
 
-    def __init__(self, data, **told):
+    def __init__(self, data, **more):
         self.data = np.ascontiguousarray(data)
         self.__cuda_array_interface__ = {
             "shape": self.data.shape,
             "typestr": self.data.dtype.str,
             "data": (self.data.ctypes.data, False),
             "version": 2,
-        } | told
+        } | more
 
 
 def places(k, count=COUNT, dtype="f4"):

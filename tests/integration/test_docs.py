@@ -1,4 +1,4 @@
-"""What the documentation shows holds: programs run, commands parse, C++ compiles, links lead on."""
+"""Contents of the documentation hold: programs run, commands parse, C++ compiles, links lead on."""
 
 import argparse
 import inspect
@@ -95,9 +95,9 @@ def test_flags_are_those_of_the_daemon():
 def test_each_promise_stands_in_the_manual_with_its_command():
     """Every program of tests/fault but their common parts, and none that is not there."""
     manual = (pages.DOCS / "operations.md").read_text()
-    told = set(re.findall(r"^\| `\.venv/bin/python tests/fault/(\w+)\.py", manual, re.MULTILINE))
+    listed = set(re.findall(r"^\| `\.venv/bin/python tests/fault/(\w+)\.py", manual, re.MULTILINE))
     programs = [path for path in (pages.ROOT / "tests/fault").glob("*.py") if path.stem != "common"]
-    assert told == {path.stem for path in programs if "Report(" in path.read_text()}
+    assert listed == {path.stem for path in programs if "Report(" in path.read_text()}
 
 
 def test_settings_are_those_of_the_daemon():

@@ -217,10 +217,10 @@ def test_a_session_is_resumed_again_when_the_reply_was_lost(daemons):
         old = client.connection.link
         access = client.connection.access
         daemons()
-        lost = Link(access, old.session)
+        old_link = Link(access, old.session)
         with pytest.raises(grpc.RpcError, match="carries it"):
             Link(access, old.session)
-        lost.close()
+        old_link.close()
         assert client.connection.resume(old, hg.Unauthenticated("the daemon restarted"))
         assert client.connection.link is not old
         assert client.connection.link.session == old.session

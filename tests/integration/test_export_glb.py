@@ -285,10 +285,10 @@ def test_defaults_are_those_of_the_contract(client):
     look = look_of(World("", {}, defaults), "it", pb.Material())
     page = (REPOSITORY / "docs/materials.md").read_text()
     rows = [line.split("|") for line in page.splitlines() if line.startswith("| `")]
-    told = {row[1].strip().strip("`"): row[3].strip() for row in rows if len(row) > 4}
+    documented = {row[1].strip().strip("`"): row[3].strip() for row in rows if len(row) > 4}
     checked = 0
     for name, field in look.fields.items():
-        if name in told and told[name].replace(".", "").isdigit():
-            np.testing.assert_allclose(field.value, float(told[name]), err_msg=name)
+        if name in documented and documented[name].replace(".", "").isdigit():
+            np.testing.assert_allclose(field.value, float(documented[name]), err_msg=name)
             checked += 1
     assert checked > 20

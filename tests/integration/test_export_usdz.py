@@ -21,7 +21,7 @@ def written(scene, tmp_path):
 
 
 def check(path):
-    """What usdchecker checks, where this pxr has it for Python."""
+    """Checks of usdchecker, where this pxr has it for Python."""
     try:
         from pxr import UsdValidation
     except ImportError:

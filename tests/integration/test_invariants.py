@@ -1,4 +1,4 @@
-"""What holds in every frame, whatever it shows: deformed, mirrored, sheared, instanced, cut off by
+"""Invariants of every frame, whatever it shows: deformed, mirrored, sheared, instanced, cut off by
 the image, seen in perspective or orthographically. Needs no second opinion but arithmetic."""
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ POINTS = np.array([[0.5, -0.2], [1.5, 1], [-1, 2], [-2, -1.5], [0.3, 2.5], [2, -
 
 
 def candela(direction):
-    """Of the file, in a direction of the light's frame: between the angles linearly."""
+    """Candela of the file in a direction of the light's frame: between the angles linearly."""
     x, y, z = direction
     vertical = np.degrees(np.arctan2(np.hypot(x, y), -z))
     horizontal = np.degrees(np.arctan2(abs(y), abs(x)))  # both planes are planes of symmetry

@@ -225,9 +225,9 @@ def test_names_classes_and_what_is_left_out(scene, stage):
     names = {body: entity.name for body, entity in stage.instances.items()}
     assert names == {"trunk": "things/trunk", "ball": "things/ball"}
     assert stage.cameras["eye"].world_transform[2, 3] == pytest.approx(0.9)
-    told = " | ".join(stage.warnings)
-    assert "1 geoms of groups 3 are left out" in told and "1 sites are left out" in told
-    assert "camera 'chase' has mode track" in told and len(stage.warnings) == 3
+    warnings = " | ".join(stage.warnings)
+    assert "1 geoms of groups 3 are left out" in warnings and "1 sites are left out" in warnings
+    assert "camera 'chase' has mode track" in warnings and len(stage.warnings) == 3
     with scene.edit() as edit:
         more = edit.import_mjcf(
             mujoco.MjSpec.from_string(WORLD)

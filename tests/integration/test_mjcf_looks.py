@@ -1,4 +1,4 @@
-"""What MJCF files look like in a real daemon: light, materials, cameras, tendons, skins."""
+"""Looks of MJCF files in a real daemon: light, materials, cameras, tendons, skins."""
 
 import heliograph as hg
 import numpy as np
@@ -269,7 +269,7 @@ def test_what_cannot_be_followed_is_told(scene):
     text = f"<mujoco><worldbody>{world}</worldbody>{rest}</mujoco>"
     with scene.edit() as edit:
         robot = edit.import_mjcf(mujoco.MjModel.from_xml_string(text), name="it")
-    told = " | ".join(robot.warnings)
+    warnings = " | ".join(robot.warnings)
     for what in (
         "flex 'cloth' is left out",
         "1 equality constraints are not kept",
@@ -277,5 +277,5 @@ def test_what_cannot_be_followed_is_told(scene):
         "tendon 'rope' winds around a geom",
         "light 'star' has mode targetbody",
     ):
-        assert what in told, told
+        assert what in warnings, warnings
     assert list(robot.tendons) == ["rope"] and len(robot.warnings) == 5

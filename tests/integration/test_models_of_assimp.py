@@ -46,7 +46,7 @@ def vertices(numbers, between=" ", end="\n"):
 
 @pytest.fixture(scope="module")
 def arms(client):
-    """What Blender wrote of one scene as FBX and as glTF, each in a scene of its own."""
+    """Blender's FBX and glTF of one scene, each in a scene of its own."""
     with client.create_scene() as a, client.create_scene() as b:
         out = []
         for scene, name in ((a, "arm.fbx"), (b, "arm.glb")):

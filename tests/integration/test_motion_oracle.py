@@ -29,7 +29,7 @@ DT = 0.3
 
 
 class View:
-    """What a camera sees of some shapes: the truth for each pixel."""
+    """A camera's view of some shapes: the truth for each pixel."""
 
     def __init__(self, shapes: list[Shape], camera: np.ndarray) -> None:
         self.shapes, self.camera = shapes, camera

@@ -16,7 +16,7 @@ AXES = [("Y_UP", 1.0), ("Z_UP", 0.01), ("Z_UP", 1.0)]
 
 
 class File:
-    """What `build` imports."""
+    """The objects that `build` imports."""
 
     def __init__(self, path, text: str) -> None:
         self.path = path

@@ -25,7 +25,7 @@ def box(half, low, high):
 
 
 def turned(faces):
-    """What faces out faces in."""
+    """Faces turned inside out."""
     return [face[::-1] for face in faces]
 
 
@@ -39,7 +39,7 @@ def rim():
 
 
 def mesh(faces):
-    """Of quadrilaterals."""
+    """Mesh of quadrilaterals."""
     indices = np.array(
         [(4 * i, 4 * i + a, 4 * i + a + 1) for i in range(len(faces)) for a in (1, 2)]
     )
@@ -106,7 +106,7 @@ def blocks(scene, build, first=0):
 
 
 def largest_t(one, other):
-    """Of Welch's t over the blocks."""
+    """Largest of Welch's t over the blocks."""
     error = np.sqrt((one.var(axis=0, ddof=1) + other.var(axis=0, ddof=1)) / SEEDS)
     return (np.abs(one.mean(axis=0) - other.mean(axis=0)) / error).max()
 

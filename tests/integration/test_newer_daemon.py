@@ -78,9 +78,9 @@ def test_the_cpp_client_ignores_what_it_does_not_know(client, newer, program):
 
 
 def test_clients_tell_that_the_daemon_no_longer_speaks_their_version(client):
-    says = "speaks versions 2 to 3 of the protocol and this client 1"
+    message = "speaks versions 2 to 3 of the protocol and this client 1"
     with newer_daemon.before(client.address, min_api=2) as (address, _):
-        with pytest.raises(hg.FailedPrecondition, match=says):
+        with pytest.raises(hg.FailedPrecondition, match=message):
             hg.connect(address)
         run = subprocess.run([PROGRAMS / "example_labels", address], capture_output=True, text=True)
-        assert run.returncode != 0 and says in run.stderr
+        assert run.returncode != 0 and message in run.stderr

@@ -113,7 +113,7 @@ def test_a_dark_room_is_not_done(scene):
 
 
 def test_a_shadow_beside_light_is_done(scene):
-    """What no light reaches needs no samples."""
+    """Surfaces that no light reaches need no samples."""
     with scene.edit() as edit:
         spot(edit)
     frame = scene.render("cam", noise=0.05, spp=4096, planes=["beauty"], max_depth=2)

@@ -26,7 +26,7 @@ def lattice(count):
 
 @pytest.fixture
 def sent(monkeypatch):
-    """What is applied: (scene id, transaction)."""
+    """Applied edits: (scene id, transaction)."""
     out = []
     apply = hg.Scene.apply
 

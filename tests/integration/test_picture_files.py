@@ -30,7 +30,7 @@ def read(scene, tmp_path):
     def read(name, data, **options):
         path = tmp_path / name
         path.write_bytes(data)
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             with scene.edit() as edit:
                 texture = edit.texture("picture", path, **options)
@@ -39,7 +39,7 @@ def read(scene, tmp_path):
         return (
             texels.reshape(*texels.shape[:2], -1),
             message.encoding,
-            [str(w.message) for w in told],
+            [str(w.message) for w in warned],
         )
 
     return read
@@ -82,9 +82,9 @@ LOSSLESS = [
 
 @pytest.mark.parametrize(("ending", "kind", "options"), LOSSLESS)
 def test_a_lossless_format_gives_the_texels_that_were_saved(read, ending, kind, options):
-    texels, encoding, told = read(f"a.{ending}", saved(drawn(), kind, **options))
+    texels, encoding, warned = read(f"a.{ending}", saved(drawn(), kind, **options))
     np.testing.assert_array_equal(texels[..., :3], np.asarray(drawn()))
-    assert encoding == SRGB and told == []
+    assert encoding == SRGB and warned == []
 
 
 @pytest.mark.parametrize("kind", ["TGA", "WEBP", "PNG", "TIFF", "DDS", "JPEG2000"])
@@ -152,12 +152,14 @@ def test_an_orientation_turns_the_picture_upright(read, orientation):
 
 
 def test_the_content_says_the_format_and_a_wrong_ending_is_told(read):
-    texels, _, told = read("wood.png", saved(drawn(), "BMP"))
+    texels, _, warned = read("wood.png", saved(drawn(), "BMP"))
     np.testing.assert_array_equal(texels, np.asarray(drawn()))
-    assert len(told) == 1 and "PNG" in told[0] and "BMP" in told[0] and "wood.png" in told[0]
-    texels, _, told = read("no_ending", saved(drawn(), "PNG"))
+    assert (
+        len(warned) == 1 and "PNG" in warned[0] and "BMP" in warned[0] and "wood.png" in warned[0]
+    )
+    texels, _, warned = read("no_ending", saved(drawn(), "PNG"))
     np.testing.assert_array_equal(texels, np.asarray(drawn()))
-    assert told == []
+    assert warned == []
 
 
 def test_a_truncated_file_is_refused_and_never_filled_with_grey(read):
@@ -173,20 +175,25 @@ def test_infinite_texels_become_the_largest_finite_one_and_are_told(read):
         rgb[1, 2] = np.inf
         rgb[2, 3, 0] = np.nan
         rgb[3, 4, 1] = -np.inf
-        texels, encoding, told = read("sun.exr", exr({"RGB": rgb}))
+        texels, encoding, warned = read("sun.exr", exr({"RGB": rgb}))
         wanted = np.where(np.isposinf(rgb), 65504, np.where(np.isneginf(rgb), -65504, rgb))
         np.testing.assert_array_equal(texels, np.nan_to_num(wanted, nan=0))
         assert encoding == LINEAR
-        assert any("4 infinite" in text for text in told) and any("NaN" in text for text in told)
+        assert any("4 infinite" in text for text in warned) and any(
+            "NaN" in text for text in warned
+        )
 
 
 def test_a_dome_tells_of_infinite_texels_too(scene, tmp_path):
     rgb = np.full((4, 8, 3), 0.5, "f2")
     rgb[0, 0] = np.inf
     (tmp_path / "sky.exr").write_bytes(exr({"RGB": rgb}))
-    with pytest.warns(hg.FileWarning, match=r"sky\.exr: 3 infinite") as told, scene.edit() as edit:
+    with (
+        pytest.warns(hg.FileWarning, match=r"sky\.exr: 3 infinite") as warned,
+        scene.edit() as edit,
+    ):
         edit.dome(tmp_path / "sky.exr")
-    assert told[0].filename == __file__
+    assert warned[0].filename == __file__
 
 
 def test_layers_of_an_exr_are_chosen_by_name(read):
@@ -202,9 +209,9 @@ def test_layers_of_an_exr_are_chosen_by_name(read):
             "View Layer.gloss.Y": plane(4),
         }
     )
-    texels, _, told = read("a.exr", data)
+    texels, _, warned = read("a.exr", data)
     assert texels[0, 0].tolist() == [1, 2, 3]
-    assert "'diffuse'" in told[0] and "View Layer.gloss" in told[0]
+    assert "'diffuse'" in warned[0] and "View Layer.gloss" in warned[0]
     assert read("a.exr", data, layer="diffuse")[2] == []
     assert read("a.exr", data, layer="View Layer.gloss")[0][0, 0].tolist() == [4]
     assert read("a.exr", data, layer="Z")[0][0, 0].tolist() == [9]
@@ -215,17 +222,17 @@ def test_layers_of_an_exr_are_chosen_by_name(read):
 
 def test_colours_that_alpha_multiplied_are_divided(read):
     rgba = np.array([[[0.25, 0.5, 0.1, 0.5], [3, 2, 1, 1], [7, 6, 5, 0]]], "f4")
-    texels, _, told = read("a.exr", exr({"RGBA": rgba}))
+    texels, _, warned = read("a.exr", exr({"RGBA": rgba}))
     np.testing.assert_allclose(
         texels, [[[0.5, 1, 0.2, 0.5], [3, 2, 1, 1], [7, 6, 5, 0]]], rtol=1e-6
     )
-    assert told == []
+    assert warned == []
 
 
 def test_xyz_and_lonely_channels(read):
     plane = np.arange(6, dtype="f4").reshape(2, 3)
-    texels, _, told = read("a.exr", exr({"X": plane, "Y": plane + 1, "Z": plane + 2}))
-    assert texels.shape == (2, 3, 3) and len(told) == 1 and "X, Y, Z" in told[0]
+    texels, _, warned = read("a.exr", exr({"X": plane, "Y": plane + 1, "Z": plane + 2}))
+    assert texels.shape == (2, 3, 3) and len(warned) == 1 and "X, Y, Z" in warned[0]
     assert read("a.exr", exr({"depth": plane}))[0].shape == (2, 3, 1)
 
 
@@ -249,10 +256,10 @@ def test_a_run_length_bmp_may_end_its_last_line(read, ends):
     head = struct.pack("<IiiHHIIiiII", 40, 7, 2, 1, 8, 1, len(codes), 0, 0, 16, 0)
     start = 14 + len(head) + len(palette)
     file = struct.pack("<2sIHHI", b"BM", start + len(codes), 0, 0, start) + head + palette + codes
-    texels, _, told = read("a.bmp", file)
+    texels, _, warned = read("a.bmp", file)
     grey = np.array(rows[::-1])[..., None]
     np.testing.assert_array_equal(texels[..., :3], np.concatenate([3 * grey, 2 * grey, grey], -1))
-    assert told == []
+    assert warned == []
 
 
 def test_a_radiance_picture_in_xyze_is_refused_by_name(read):

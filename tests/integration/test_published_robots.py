@@ -48,7 +48,7 @@ def test_what_cannot_be_decoded_is_left_out_and_told(scene, tmp_path):
         robot = edit.import_urdf(path)
         again = edit.import_urdf(robot, name="again")
     for one in (robot, again):
-        assert [told.split()[0] for told in one.warnings] == ["broken.stl", "broken.png"]
+        assert [warning.split()[0] for warning in one.warnings] == ["broken.stl", "broken.png"]
     shown = {e.name for e in scene.find("r/a/*") if e.kind == "entity"}
     assert shown == {"r/a/2", "r/a/3"}
     assert scene["r/material/m"].parameters["base_color"] == pytest.approx((1, 0, 0))
@@ -121,7 +121,7 @@ def test_textures_of_meshes_are_read_from_the_package(scene, tmp_path):
         edit.import_urdf(path, name="strict", strict=True)
     with scene.edit() as edit:
         robot = edit.import_urdf(path, name="without")
-    assert any("red.png" in told for told in robot.warnings)
+    assert any("red.png" in warning for warning in robot.warnings)
     Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "textures/red.png")
     with scene.edit() as edit:
         robot = edit.import_urdf(path, name="with", strict=True)

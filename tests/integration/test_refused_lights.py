@@ -119,5 +119,5 @@ LIGHTS = {
 
 @pytest.mark.parametrize("row", LIGHTS)
 def test_refused(world, row):
-    kind, field, says, call = LIGHTS[row]
-    check(world, call, (kind, field), says)
+    kind, field, message, call = LIGHTS[row]
+    check(world, call, (kind, field), message)

@@ -339,5 +339,5 @@ TABLES = {
 
 @pytest.mark.parametrize("name", TABLES)
 def test_a_request_is_refused(world, name):
-    kind, field, says, call = TABLES[name]
-    check(world, call, (kind, field), says)
+    kind, field, message, call = TABLES[name]
+    check(world, call, (kind, field), message)

@@ -1,4 +1,4 @@
-"""What render_worlds refuses: the error names the world and the field, and nothing is published."""
+"""Refusals of render_worlds: the error names the world and the field, and nothing is published."""
 
 import heliograph as hg
 import numpy as np

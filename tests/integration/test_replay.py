@@ -196,13 +196,13 @@ def test_damaged_bytes_are_named(short):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("text", "text is no recording"), ("none", "none: No such file")]
+    ("name", "message"), [("text", "text is no recording"), ("none", "none: No such file")]
 )
-def test_wrong_input_exits_with_2(tmp_path, name, told):
+def test_wrong_input_exits_with_2(tmp_path, name, message):
     (tmp_path / "text").write_text("{} hello")
     run = replay_command(tmp_path / name)
     assert run.returncode == 2
-    assert told in run.stderr
+    assert message in run.stderr
 
 
 def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):

@@ -1,4 +1,4 @@
-"""What clients asked of a scene is recorded, and answered the same when it is played again."""
+"""Questions of clients about a scene are recorded, and answered the same when played again."""
 
 import contextlib
 import pathlib

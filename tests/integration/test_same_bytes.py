@@ -13,7 +13,7 @@ ABOVE = hg.look_at((0, -0.01, 6), (0, 0, 0))
 
 
 def picture(client, build, textures):
-    """What the last of the textures looks like, where all were rendered before."""
+    """Picture of the last of the textures, where all were rendered before."""
     with client.create_scene() as scene:
         with scene.edit() as edit:
             edit.mesh("plane", **hg.shapes.plane(4.0))

@@ -192,6 +192,6 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_sensor_is_refused(world, name):
-    field, says, call = REFUSED[name]
+    field, message, call = REFUSED[name]
     kind = hg.FailedPrecondition if field == "planes" else hg.InvalidArgument
-    check(world, call, (kind, field), says)
+    check(world, call, (kind, field), message)

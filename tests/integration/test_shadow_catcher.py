@@ -82,7 +82,7 @@ def test_under_a_sky_it_is_the_open_share_of_the_hemisphere(table):
 
 
 def test_catchers_still_shade_and_reflect(table):
-    """What the card receives from below comes off the table."""
+    """Light that the card receives from below comes off the table."""
     with table.overlay() as below:
         below.update("cam", transform=hg.look_at((0, 0, 0.9), (0, 0, 2), up=(0, 1, 0)))
         below.update("sun", transform=hg.look_at((0.6, 0, 1), (0, 0, 0)))

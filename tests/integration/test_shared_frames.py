@@ -38,7 +38,7 @@ def look(scene, k=0, **options):
     return scene.render("cam", planes=PLANES, overlay=overlay, progress=False, **options)
 
 
-def look_and_be_heard(scene, k):
+def look_and_release(scene, k):
     """A look whose frame the daemon knows to be given back, which on busy cores it may otherwise
     learn after the next request."""
     look(scene, k)
@@ -84,7 +84,7 @@ def test_what_is_held_never_changes_and_what_is_not_is_used_again(stage):
     corner = look(stage, 9)["depth"][110:130, 150:170:2]  # a slice alone keeps its plane
     kept = corner.copy()
     for k in range(30):
-        look_and_be_heard(stage, 40 + k)
+        look_and_release(stage, 40 + k)
     assert [content(frame) for frame in held] == before
     assert np.isfinite(kept).all() and np.array_equal(corner, kept)
     used = stage.client.info().used["tenant_bytes"]
@@ -92,7 +92,7 @@ def test_what_is_held_never_changes_and_what_is_not_is_used_again(stage):
     del held, corner
     gc.collect()
     for k in range(30):
-        look_and_be_heard(stage, k)
+        look_and_release(stage, k)
     assert set(maps(stage.client)) == buffers  # none was made
     assert stage.client.info().used["tenant_bytes"] == used
 
@@ -262,7 +262,7 @@ def check_read_only(fd, size):
 
 @pytest.mark.parametrize("segments, uploads", [(128, 0), (512, 2)], ids=["copied", "mapped"])
 def test_arrays_travel_in_memory_too(stage, monkeypatch, segments, uploads):
-    """Those of a mesh that moves: without an upload, and with the same bytes."""
+    """Arrays of a mesh that moves: without an upload, and with the same bytes."""
     sphere = hg.shapes.sphere(0.5, segments=segments)
     assert 1 << 16 < sphere["positions"].nbytes
     assert (sphere["positions"].nbytes > 1 << 20) == (uploads > 0)

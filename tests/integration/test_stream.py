@@ -66,7 +66,7 @@ def test_it_follows_the_scene(stage):
 
 
 def test_refinement_starts_again_at_a_new_revision(stage):
-    """Of an endless job every edit interrupts what goes on, and the newest one is shown."""
+    """Every edit interrupts an endless job's work, and the newest one is shown."""
     with stage.stream("cam", spp=1 << 20) as live:
         assert next(live).revision == stage.revision
         revisions = [move(stage, 0.1 * i) for i in range(5)]

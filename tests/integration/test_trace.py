@@ -17,7 +17,7 @@ SPAN: contextvars.ContextVar[str] = contextvars.ContextVar("span", default="")
 
 
 def headers():
-    """What OpenTelemetry's inject() gives, and what is of no trace."""
+    """Headers of OpenTelemetry's inject(), and some of no trace."""
     if not SPAN.get():
         return {}
     parent = f"00-{TRACE}-{SPAN.get()}-01"
@@ -46,9 +46,9 @@ def test_a_manifest_names_the_trace_of_its_call_alone(traced):
         for span in ("00f067aa0ba902b7", "00f067aa0ba902b8"):
             SPAN.set(span)
             frame = scene.render("cam", spp=2)
-            told = json.loads(frame.manifest)
-            assert told.pop("trace")["traceparent"] == f"00-{TRACE}-{span}-01"
-            assert told == json.loads(plain.manifest)
+            manifest = json.loads(frame.manifest)
+            assert manifest.pop("trace")["traceparent"] == f"00-{TRACE}-{span}-01"
+            assert manifest == json.loads(plain.manifest)
             made.append(frame)
         SPAN.set("")
         again = scene.rerender(made[0].manifest)

@@ -1,4 +1,4 @@
-"""What a client uploaded goes when nothing refers to it, and its hash says so."""
+"""Uploads of a client go when nothing refers to them; their hashes are then NOT_FOUND."""
 
 import hashlib
 import time

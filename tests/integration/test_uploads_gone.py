@@ -49,7 +49,7 @@ def end_session(client):
 
 
 def wait_until_freed(client):
-    """What no scene has."""
+    """Bytes that no scene has."""
     end = time.monotonic() + 60
     while client.info().used["tenant_bytes"] > 100_000:
         assert time.monotonic() < end
@@ -161,7 +161,7 @@ def test_whatever_names_an_overlay(far, look):
 
 
 def test_what_writers_ask(far):
-    """Of the image's scene and of its picture at another time, when the frame is there."""
+    """Requests of the image's scene and of its picture at another time, when the frame is there."""
     client, scene = far
     overlay = painted(scene)
     frame = scene.render("cam", overlay=overlay, spp=1)
@@ -220,7 +220,7 @@ def test_a_command_whose_daemon_is_restarted(tmp_path, monkeypatch, capsys):
 
     run = call.run
 
-    def lost(*arguments):
+    def failing(*arguments):
         if len(daemons) == 1:
             daemons[0].kill()
             daemons[0].wait()
@@ -232,7 +232,7 @@ def test_a_command_whose_daemon_is_restarted(tmp_path, monkeypatch, capsys):
             edit.entity("cam", camera=hg.Camera.from_fov(1, 8, 8))
         writer = hd.Exr(tmp_path / "set")
         hd.generate(scene, "cam", lambda draw: None, count=1, spp=1, writer=writer)
-    monkeypatch.setattr(call, "run", lost)
+    monkeypatch.setattr(call, "run", failing)
     start()
     try:
         while not (folder / "s").exists():

@@ -133,7 +133,7 @@ def test_polygons_that_are_not_convex_and_handedness(scene, tmp_path):
 
 
 def test_subdivision_is_that_of_catmull_and_clark(scene, tmp_path):
-    """Of a cube: faces' middles, (edge's + 2 faces') / 4, and (F + 2 R + 0 P) / 3 at corners."""
+    """A cube: faces' middles, (edge's + 2 faces') / 4, and (F + 2 R + 0 P) / 3 at corners."""
     with scene.edit() as edit:
         path = stages.written(tmp_path, stages.cage(""))
         smooth = edit.import_usd(path, name="smooth", subdivision=1)

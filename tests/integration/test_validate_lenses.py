@@ -268,5 +268,5 @@ def test_lenses_of_cameras_without_names(client, tmp_path):
         assert report.ok and report.left_out == [], str(report)
     arrays = [np.load(tmp_path / f"tapvid/00000{i}.npz")["video"] for i in range(2)]
     assert (arrays[0] != arrays[1]).any()
-    told = [json.loads((tmp_path / f"exr/labels/00000{i}.json").read_text()) for i in range(2)]
-    assert told[0]["distortion"] == [] and told[1]["distortion"] == list(bent.distortion)
+    labels = [json.loads((tmp_path / f"exr/labels/00000{i}.json").read_text()) for i in range(2)]
+    assert labels[0]["distortion"] == [] and labels[1]["distortion"] == list(bent.distortion)

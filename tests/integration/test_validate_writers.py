@@ -1,4 +1,4 @@
-"""What the writers write has no faults by the validator, which shares no code with them."""
+"""Files of the writers have no faults by the validator, which shares no code with them."""
 
 import heliograph as hg
 import heliograph.datasets as hd

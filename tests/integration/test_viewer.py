@@ -47,17 +47,17 @@ class Page:
     def want(self, **wish):
         self.post(f"want?session={self.session}", wish)
 
-    def picture(self, good=lambda said: said["samples"] >= 4):
-        """What is said of the first picture that is good, and its pixels."""
+    def picture(self, good=lambda shown: shown["samples"] >= 4):
+        """Description of the first picture that is good, and its pixels."""
         for _ in range(50):
             path = f"{self.root}picture?session={self.session}&after={self.serial}"
             status, headers, data = self.send("GET", path)
             assert status == 200
-            said = json.loads(headers["X-Picture"])
-            assert said["serial"] > self.serial
-            self.serial = said["serial"]
-            if said["error"] or good(said):
-                return said, np.asarray(Image.open(io.BytesIO(data))) if data else None
+            shown = json.loads(headers["X-Picture"])
+            assert shown["serial"] > self.serial
+            self.serial = shown["serial"]
+            if shown["error"] or good(shown):
+                return shown, np.asarray(Image.open(io.BytesIO(data))) if data else None
         raise AssertionError("no picture is good")
 
 
@@ -83,21 +83,21 @@ def viewer(world):
 def test_a_picture_refines_and_follows_the_camera(viewer):
     page = Page(viewer.url)
     page.want(**LOOK, exposure=0)
-    said, pixels = page.picture(lambda said: said["final"])
-    assert (said["samples"], said["width"], said["height"]) == (8, 64, 48)
+    shown, pixels = page.picture(lambda shown: shown["final"])
+    assert (shown["samples"], shown["width"], shown["height"]) == (8, 64, 48)
     assert pixels.shape == (48, 64, 3)
     middle = pixels[24, 32].astype(int)
     assert middle[0] > 2 * middle[2] and pixels[2, 2].min() > 150  # the red cube; the dome
     page.want(eye=[0, -3, 0], target=[3, 0, 0])
-    said, pixels = page.picture(lambda said: said["pose"][0][0] < 0.99)
+    shown, pixels = page.picture(lambda shown: shown["pose"][0][0] < 0.99)
     assert pixels[24, 32].min() > 150
-    assert said["K"][0][2] == 31.5
+    assert shown["K"][0][2] == 31.5
 
 
 def test_restyling_renders_nothing(viewer):
     page = Page(viewer.url)
     page.want(**LOOK, exposure=0)
-    before, dark = page.picture(lambda said: said["final"])
+    before, dark = page.picture(lambda shown: shown["final"])
     page.want(exposure=-3)
     after, darker = page.picture()
     assert after["samples"] == before["samples"] and after["seconds"] == before["seconds"]
@@ -107,11 +107,11 @@ def test_restyling_renders_nothing(viewer):
 def test_planes_and_layers(viewer):
     page = Page(viewer.url)
     page.want(**LOOK, plane="instance")
-    _, plain = page.picture(lambda said: True)
+    _, plain = page.picture(lambda shown: True)
     assert plain[24, 32].any() and not plain[2, 2].any()
     page.want(layers=["boxes", "masks", "cuboids", "axes", "amodal", "keypoints", "names"])
-    said, drawn = page.picture(lambda said: said["width"] > 0)
-    assert said["error"] == "" and (drawn != plain).any()
+    shown, drawn = page.picture(lambda shown: shown["width"] > 0)
+    assert shown["error"] == "" and (drawn != plain).any()
 
 
 def test_it_follows_edits_and_looks_through_cameras(viewer, world):
@@ -121,7 +121,7 @@ def test_it_follows_edits_and_looks_through_cameras(viewer, world):
     with world.edit() as edit:
         edit.entity("cube", transform=hg.Pose((0, 0, 50)))
     now = world.revision
-    _, after = page.picture(lambda said: said["revision"] == now)
+    _, after = page.picture(lambda shown: shown["revision"] == now)
     with world.edit() as edit:
         edit.entity("cube", transform=hg.Pose((0, 0, 0)))
     assert before[24, 32, 0] > 2 * before[24, 32, 2] and after[24, 32].std() < 5
@@ -137,7 +137,7 @@ def test_picking_and_what_is_said_of_objects(viewer, world):
     )
     assert page.post(f"pick?session={page.session}", {"at": [0.02, 0.02]}) == {}
     page.want(camera="eye")
-    page.picture(lambda said: said["camera"] == "eye")
+    page.picture(lambda shown: shown["camera"] == "eye")
     assert page.post(f"pick?session={page.session}", {"at": [0.5, 0.5]})["id"] == hit["id"]
     status, _, data = page.send("GET", f"{page.root}object?id={hit['id']}")
     rows = dict(json.loads(data)["rows"])
@@ -167,7 +167,7 @@ def test_several_pages_look_from_where_they_like(viewer):
     left.post(f"close?session={left.session}", {})
     assert left.send("GET", f"{left.root}picture?session={left.session}")[0] == 404
     right.want(width=40)
-    assert right.picture(lambda said: said["width"] == 40)
+    assert right.picture(lambda shown: shown["width"] == 40)
 
 
 def test_who_may_not_ask(viewer):

@@ -246,8 +246,8 @@ ROWS = {
 
 @pytest.mark.parametrize("row", ROWS)
 def test_bad_volumes_are_refused(world, row):
-    medium, kind, field, says = ROWS[row]
-    check(world, edited(lambda edit: edit.volume("thing", **medium)), (kind, field), says)
+    medium, kind, field, message = ROWS[row]
+    check(world, edited(lambda edit: edit.volume("thing", **medium)), (kind, field), message)
 
 
 def test_bad_files_are_refused(world, brick, tmp_path):
@@ -257,7 +257,7 @@ def test_bad_files_are_refused(world, brick, tmp_path):
     blosc[14] = 2
     old = bytearray(nvdb)
     old[8:12] = (29 << 21).to_bytes(4, "little")
-    for name, data, kind, says in (
+    for name, data, kind, message in (
         ("a.nvdb", nvdb[:-100], hg.InvalidArgument, "truncated"),
         ("a.nvdb", bytes(blosc), hg.InvalidArgument, "density: compressed data is damaged"),
         ("a.nvdb", bytes(old), hg.Unimplemented, "version 29"),
@@ -267,7 +267,7 @@ def test_bad_files_are_refused(world, brick, tmp_path):
         ("a.vdb", vdb.replace(b"Tree_float", b"Tree_vec2s"), hg.InvalidArgument, "no grid"),
     ):
         put = of_file(tmp_path, name, data)
-        check(world, edited(put), (kind, name), says)
+        check(world, edited(put), (kind, name), message)
 
 
 def test_a_bomb_is_refused(world, brick, tmp_path):

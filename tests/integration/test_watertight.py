@@ -67,7 +67,7 @@ def test_what_nothing_hides_is_seen_whole(client):
 
 @pytest.mark.parametrize("order", [("wall", "decal"), ("decal", "wall")])
 def test_of_a_decal_and_its_wall_the_smaller_label_is_seen(client, order):
-    """Of each every pixel or none, though rounding has now one and now the other in front."""
+    """Each has every pixel or none, though rounding has now one and now the other in front."""
     with client.create_scene() as scene:
         with scene.edit() as edit:
             edit.mesh("decal", **hg.shapes.plane(1))

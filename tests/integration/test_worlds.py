@@ -248,7 +248,7 @@ def test_a_call_that_is_cancelled_ends_within_a_slice(room):
 
 
 def test_progress_counts_all_pictures(room):
-    told = []
-    room.render_worlds("cam", hg.Worlds(200), planes=["beauty"], spp=16, progress=told.append)
-    shares = [progress.done for progress in told]
+    reports = []
+    room.render_worlds("cam", hg.Worlds(200), planes=["beauty"], spp=16, progress=reports.append)
+    shares = [progress.done for progress in reports]
     assert shares == sorted(shares) and shares[-1] == 1 and len([s for s in shares if s < 0.9]) > 1

@@ -1,4 +1,4 @@
-"""What generate() keeps, as it would be, and faults to plant in it."""
+"""Files that generate() keeps, as it would make them, and faults to plant in them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ NAME = hashlib.sha256(BLOB).hexdigest()
 
 
 def make(root: Path) -> None:
-    told = {"count": 3, "scene_sha256": hashlib.sha256(SCENE).hexdigest()}
-    put(root / OWN / "dataset.json", told)
+    record = {"count": 3, "scene_sha256": hashlib.sha256(SCENE).hexdigest()}
+    put(root / OWN / "dataset.json", record)
     (root / OWN / "scene.helio").write_bytes(SCENE)
     request = service.DecodeAssetRequest()
     request.files.add(path="a.exr", sha256=bytes.fromhex(NAME))

@@ -13,7 +13,7 @@ LABEL = f"{BASE}/label_2/000000.txt"
 
 
 def line(place: tuple[float, float, float], turn: float) -> str:
-    """Of a car 1.6 m high, 1.8 m wide, 4 m long."""
+    """Line of a car 1.6 m high, 1.8 m wide, 4 m long."""
     height, width, length = 1.6, 1.8, 4.0
     corners = []
     for x in (-length / 2, length / 2):

@@ -1,6 +1,6 @@
-"""An in-process daemon that keeps what it is told: the client's tests run against it.
+"""An in-process daemon that keeps the requests it gets: the client's tests run against it.
 
-It numbers edits and tickets as the contract says; it renders constant planes.
+It numbers edits and tickets by the contract; it renders constant planes.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.replies = {}
         self.fail_applies = 0  # how many Apply calls get lost after they were done
         self.loss = grpc.StatusCode.UNAVAILABLE  # how, and
-        self.loss_told = {}
+        self.loss_fields = {}
         self.refusal = None  # a google.rpc.Status
         self.last = {}
         self.cancelled = threading.Event()
@@ -135,8 +135,8 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         session = self._session(context)
         last = self.last.get(session, 0)
         if request.number != last + 1 and (session, request.number) not in self.replies:
-            told = {"field": "number", "expected": last + 1}
-            self._abort(context, status(grpc.StatusCode.ABORTED, "gap", **told))
+            fields = {"field": "number", "expected": last + 1}
+            self._abort(context, status(grpc.StatusCode.ABORTED, "gap", **fields))
         if request.number == last + 1:
             self.last[session] = request.number
             if self.refusal:
@@ -144,16 +144,16 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             self.replies[(session, request.number)] = self._apply(request)
         if self.fail_applies:
             self.fail_applies -= 1
-            lost = status(self.loss, "lost on the way back", **self.loss_told)
-            self._abort(context, lost)
+            failure = status(self.loss, "lost on the way back", **self.loss_fields)
+            self._abort(context, failure)
         return self.replies[(session, request.number)]
 
-    def _abort(self, context, told):
-        """told: a google.rpc.Status."""
-        data = told.SerializeToString()
+    def _abort(self, context, error):
+        """error: a google.rpc.Status."""
+        data = error.SerializeToString()
         context.set_trailing_metadata((("grpc-status-details-bin", data),))
         codes = {code.value[0]: code for code in grpc.StatusCode}
-        context.abort(codes[told.code], told.message)
+        context.abort(codes[error.code], error.message)
 
     def _apply(self, request):
         self.transactions.append(request.transaction)
@@ -248,8 +248,8 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         for request in requests:
             self.requests.append(request)
             if request.job.seed == 13:
-                told = {"field": "job.seed", "retry_seconds": 2.5}
-                unlucky = status(grpc.StatusCode.RESOURCE_EXHAUSTED, "unlucky", **told)
+                fields = {"field": "job.seed", "retry_seconds": 2.5}
+                unlucky = status(grpc.StatusCode.RESOURCE_EXHAUSTED, "unlucky", **fields)
                 yield U.RenderBatchReply(tag=request.tag, status=unlucky, done=True)
                 continue
             for frame in range(len(request.job.cameras)):

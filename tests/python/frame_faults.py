@@ -86,7 +86,7 @@ def somewhere() -> tuple[int, int]:
 
 
 def pixel(name: str, change, without: tuple[str, ...] = ()):
-    """Another value at one pixel. without: planes that say the same, taken away."""
+    """Another value at one pixel. without: planes of the same content, taken away."""
 
     def plant(planes, content) -> None:
         planes[name][somewhere()] = change(planes[name][somewhere()])

@@ -43,7 +43,7 @@ def found(folder, monkeypatch):
 
 
 def take(capsule):
-    """What a capsule holds, which is the caller's from now on."""
+    """Content of a capsule, which is the caller's from now on."""
     where = _get(capsule, b"dltensor")
     _rename(capsule, _TAKEN)
     return Managed.from_address(where)

@@ -1,4 +1,4 @@
-"""What the clean data sets of the validator's tests show: pictures and masks by arithmetic."""
+"""Contents of the clean data sets of the validator's tests: pictures and masks by arithmetic."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def turned(axis, angle: float) -> np.ndarray:
 
 
 def quaternion_xyzw(rotation: np.ndarray) -> list[float]:
-    """Of a rotation by less than half a turn."""
+    """Quaternion of a rotation by less than half a turn."""
     w = np.sqrt(1 + np.trace(rotation)) / 2
     r = rotation
     axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / (4 * w)

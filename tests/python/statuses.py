@@ -5,13 +5,13 @@ from google.rpc import error_details_pb2 as details
 from google.rpc import status_pb2
 
 
-def status(code: grpc.StatusCode, text: str, **told) -> status_pb2.Status:
-    """told: field, users, nearest, expected, retry_seconds, and metadata of ErrorInfo."""
+def status(code: grpc.StatusCode, text: str, **fields) -> status_pb2.Status:
+    """fields: field, users, nearest, expected, retry_seconds, and metadata of ErrorInfo."""
     out = status_pb2.Status(code=code.value[0], message=text)
-    field, users = told.pop("field", ""), told.pop("users", ())
-    retry, nearest = told.pop("retry_seconds", 0), told.pop("nearest", ())
-    info = details.ErrorInfo(reason=told.pop("reason", "INVALID_VALUE"), domain="heliograph")
-    for name, value in told.items():
+    field, users = fields.pop("field", ""), fields.pop("users", ())
+    retry, nearest = fields.pop("retry_seconds", 0), fields.pop("nearest", ())
+    info = details.ErrorInfo(reason=fields.pop("reason", "INVALID_VALUE"), domain="heliograph")
+    for name, value in fields.items():
         info.metadata[name] = str(value)
     for i, name in enumerate(nearest):
         info.metadata[f"nearest_{i}"] = name

@@ -1,4 +1,4 @@
-"""What render_batch and stream send, and what they make of the replies."""
+"""Requests of render_batch and stream, and what they make of the replies."""
 
 import gc
 

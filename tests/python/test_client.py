@@ -265,7 +265,7 @@ def test_command_line_refusals(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ("dataset dome --config none", "none: No such file"),
         ("rerender manifest.json none -o x.png", "no file none"),
@@ -277,7 +277,7 @@ def test_command_line_refusals(tmp_path, capsys):
         ("info --threads 2", "--threads: is for a private daemon"),
     ],
 )
-def test_wrong_input_exits_with_2(daemon, scene, tmp_path, monkeypatch, capsys, arguments, told):
+def test_wrong_input_exits_with_2(daemon, scene, tmp_path, monkeypatch, capsys, arguments, message):
     if ".exr none" in arguments:
         pytest.importorskip("OpenEXR")
     monkeypatch.chdir(tmp_path)
@@ -288,7 +288,7 @@ def test_wrong_input_exits_with_2(daemon, scene, tmp_path, monkeypatch, capsys, 
     if words[0] != "dataset":
         words += ["--address", daemon.address]
     assert cli.main(words) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_viewer_needs_a_port_that_there_is(scene):

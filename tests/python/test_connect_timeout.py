@@ -15,7 +15,7 @@ from heliograph import aio
 SECONDS = 1.0
 SLACK = 6.0  # of a loaded machine; what takes no notice of timeout= takes 10 s or more
 
-# What a private daemon may do instead of listening. "$0.pid": of what it started.
+# Programs that do not listen, in place of a private daemon. "$0.pid": of what it started.
 STUCK = {
     "sleeps": "echo $$ > $0.pid; exec sleep 60",
     "ignores signals": "trap '' TERM; echo $$ > $0.pid; echo waiting; sleep 60; sleep 60",
@@ -29,7 +29,7 @@ STUCK = {
 
 @contextlib.contextmanager
 def silent(folder):
-    """A socket that takes connections and says nothing."""
+    """A socket that takes connections and sends nothing."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(f"{folder}/s.sock.fd.sock")
         listener.listen()

@@ -1,4 +1,4 @@
-"""What writers of data sets put into files, where the answer is known by arithmetic."""
+"""Contents of the files that writers of data sets make, where the answer is known by arithmetic."""
 
 import dataclasses
 import io

@@ -74,7 +74,7 @@ def links(request, monkeypatch):
 
 
 def at_once(runs):
-    """What each of these raised, all of them begun by threads at the same moment and kept until
+    """Errors of each of these, all of them begun by threads at the same moment and kept until
     each was answered."""
     barrier, raised = threading.Barrier(len(runs), timeout=30), [None] * len(runs)
 
@@ -130,8 +130,8 @@ def in_a_process(root, seed, barrier, answers):
     try:
         with claim(root, seed):
             barrier.wait()
-            told = json.loads((root / ".heliograph/dataset.json").read_text())
-            answers.put((seed, told["seed"]))
+            record = json.loads((root / ".heliograph/dataset.json").read_text())
+            answers.put((seed, record["seed"]))
     except hg.FailedPrecondition as error:
         answers.put((seed, str(error)))
         barrier.wait()
@@ -146,12 +146,12 @@ def test_of_many_processes_exactly_one_goes_on(tmp_path):
     ]
     for process in processes:
         process.start()
-    said = dict(answers.get(timeout=120) for _ in processes)
+    by_seed = dict(answers.get(timeout=120) for _ in processes)
     for process in processes:
         process.join()
-    (winner,) = (seed for seed, told in said.items() if told == seed)
-    refusals = [told for seed, told in said.items() if seed != winner]
-    assert all("another seed, and a run is making it" in told for told in refusals)
+    (winner,) = (seed for seed, answer in by_seed.items() if answer == seed)
+    refusals = [answer for seed, answer in by_seed.items() if seed != winner]
+    assert all("another seed, and a run is making it" in answer for answer in refusals)
 
 
 # ------------------------------------------------------------ the file

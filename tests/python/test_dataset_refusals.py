@@ -1,4 +1,4 @@
-"""What writers of data sets refuse, without a daemon."""
+"""Refusals of writers of data sets, without a daemon."""
 
 import sys
 from types import SimpleNamespace

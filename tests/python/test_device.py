@@ -91,9 +91,9 @@ def test_a_plane_on_the_gpu_has_its_numbers_and_says_where_they_are(daemon, stub
     plane = daemon.shared.plane(place(1, 5, data.shape), FLOATS, data.shape)
     assert isinstance(plane, DeviceArray) and np.array_equal(plane.numpy(), data)
     assert (plane.shape, plane.dtype, plane.nbytes, plane.device) == ((6, 8, 4), "f4", 768, 1)
-    told = plane.__cuda_array_interface__
-    assert told["shape"] == (6, 8, 4) and told["typestr"] == "<f4" and told["version"] == 3
-    assert told["data"] == (plane.pointer, False) and told["stream"] is None
+    gpu = plane.__cuda_array_interface__
+    assert gpu["shape"] == (6, 8, 4) and gpu["typestr"] == "<f4" and gpu["version"] == 3
+    assert gpu["data"] == (plane.pointer, False) and gpu["stream"] is None
     seen = np.ctypeslib.as_array((ctypes.c_float * data.size).from_address(plane.pointer))
     assert np.array_equal(seen.reshape(data.shape), data)  # the stub's memory is the host's
     assert plane.__dlpack_device__() == (2, 1)

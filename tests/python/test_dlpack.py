@@ -196,7 +196,7 @@ def test_a_copy_and_another_device_are_refused(dlpack):
 
 @pytest.fixture
 def torch(monkeypatch):
-    """A PyTorch that says which way a tensor came."""
+    """A PyTorch that records which way a tensor came."""
     made = types.SimpleNamespace(
         from_dlpack=lambda array: ("dlpack", array),
         as_tensor=lambda array, device: ("array interface", array, device),

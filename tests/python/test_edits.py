@@ -1,4 +1,4 @@
-"""What edits put on the wire, and what comes back of them."""
+"""Edits on the wire, and their replies."""
 
 import pickle
 import threading
@@ -210,7 +210,7 @@ def test_a_lost_reply_is_not_applied_twice(daemon, scene, loss):
 
 def test_a_refusal_for_now_does_not_say_that_nothing_was_done_before(daemon, scene):
     daemon.fail_applies, daemon.loss = 1, grpc.StatusCode.RESOURCE_EXHAUSTED
-    daemon.loss_told = {"retry_seconds": 1}  # a full daemon, to the second sending
+    daemon.loss_fields = {"retry_seconds": 1}  # a full daemon, to the second sending
     with pytest.raises(hg.ResourceExhausted), scene.edit() as edit:
         edit.entity("a")
     with scene.edit() as edit:
@@ -242,26 +242,26 @@ def test_threads_are_numbered_in_one_order(daemon, scene):
 
 
 def test_a_refusal_is_typed_and_names_the_object(daemon, scene):
-    told = {"field": "edits[1].mesh.indices[4]", "nearest": ["x", "y"], "needed": 9}
-    told |= {"limit": "edits", "used": 2, "allowed": 8, "reason": "LIMIT_EXCEEDED"}
+    fields = {"field": "edits[1].mesh.indices[4]", "nearest": ["x", "y"], "needed": 9}
+    fields |= {"limit": "edits", "used": 2, "allowed": 8, "reason": "LIMIT_EXCEEDED"}
     code = grpc.StatusCode.INVALID_ARGUMENT
-    daemon.refusal = status(code, "index 9 is too large", **told, retry_seconds=1.5)
+    daemon.refusal = status(code, "index 9 is too large", **fields, retry_seconds=1.5)
     refusal = pytest.raises(hg.InvalidArgument, match=r"too large \[mesh 'm'\]")
     with refusal as refused, scene.edit() as edit:
         edit.entity("a")
         edit.mesh("m", **hg.shapes.cube())
     assert refused.value.field == "edits[1].mesh.indices[4]"
     assert isinstance(refused.value, ValueError)
-    told = {**told, "available": 6, "retry_seconds": 1.5, "expected": 0, "users": []}
-    assert {name: getattr(refused.value, name) for name in told} == told
+    fields = {**fields, "available": 6, "retry_seconds": 1.5, "expected": 0, "users": []}
+    assert {name: getattr(refused.value, name) for name in fields} == fields
     daemon.refusal = None
     with scene.edit() as edit:
         edit.entity("a")
 
 
 def test_removal_lists_the_users(daemon, scene):
-    told = {"field": "edits[0].remove", "users": ["bolt/1", "bolt/2"]}
-    daemon.refusal = status(grpc.StatusCode.FAILED_PRECONDITION, "in use", **told)
+    fields = {"field": "edits[0].remove", "users": ["bolt/1", "bolt/2"]}
+    daemon.refusal = status(grpc.StatusCode.FAILED_PRECONDITION, "in use", **fields)
     with pytest.raises(hg.FailedPrecondition) as refused, scene.edit() as edit:
         edit.remove("steel")
     assert refused.value.users == ["bolt/1", "bolt/2"]

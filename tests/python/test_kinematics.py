@@ -236,8 +236,8 @@ def test_joints_without_usable_limits_move_freely_and_say_so(tmp_path):
     body += joint("l", "revolute", "cd", '<limit effort="1" velocity="1"/>')
     found = urdf.read(written(tmp_path, body, "abcd"), {})
     assert not np.isfinite(Kinematics(found).limits).any()
-    told = [w.split(" has ")[0] for w in found.warnings]
-    assert told == ["joint 'j'", "joint 'k'", "joint 'l'"]
+    warned = [w.split(" has ")[0] for w in found.warnings]
+    assert warned == ["joint 'j'", "joint 'k'", "joint 'l'"]
 
 
 def test_rest_is_within_the_limits(tmp_path):

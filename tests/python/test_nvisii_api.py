@@ -89,7 +89,7 @@ def test_signature(line):
 
 
 def test_every_public_name_is_in_the_table():
-    """What is there and not in the table is no part of the interface: it begins with "_"."""
+    """Names that are not in the table are no part of the interface: they begin with "_"."""
     table = {line.partition("(")[0] for line in CALLS}
     for kind in ("entity", "transform", "mesh", "material", "texture", "light", "camera", "volume"):
         public = {f"{kind}.{name}" for name in dir(getattr(nvisii, kind)) if name[0] != "_"}

@@ -1,4 +1,4 @@
-"""What all components of nvisii do, and what entities refer to; it needs no daemon."""
+"""Common behaviour of nvisii's components, and references of entities; it needs no daemon."""
 
 import math
 

@@ -37,7 +37,7 @@ def test_letters_are_read_in_the_encoding_that_they_are_in(tmp_path, encoding):
 
 
 @pytest.mark.parametrize(
-    ("said", "encoding"),
+    ("named", "encoding"),
     [
         *((name, name) for name in ("shift_jis", "gb2312", "windows-1252", "utf-16", "utf-16-le")),
         ("utf-16", "utf-8"),  # as writers of texts in memory leave it
@@ -47,10 +47,10 @@ def test_letters_are_read_in_the_encoding_that_they_are_in(tmp_path, encoding):
     ],
 )
 def test_documents_that_say_their_encoding_are_read_whether_it_is_so_or_not(
-    tmp_path, said, encoding
+    tmp_path, named, encoding
 ):
     name = "青" if encoding in ("shift_jis", "gb2312") else "Käfer"
-    text = f'<?xml version="1.0" encoding="{said}"?><robot name="r"><link name="{name}"/></robot>'
+    text = f'<?xml version="1.0" encoding="{named}"?><robot name="r"><link name="{name}"/></robot>'
     (tmp_path / "r.urdf").write_bytes(text.encode(encoding))
     assert urdf.read(tmp_path / "r.urdf", {}).links == [name]
 
@@ -116,7 +116,7 @@ def test_one_scale_is_that_of_all_axes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rgba", "expected", "told"),
+    ("rgba", "expected", "warning"),
     [
         ("255 51 0 1", (1, 0.2, 0, 1), "up to 255"),
         ("255 51 0 255", (1, 0.2, 0, 1), "up to 255"),
@@ -126,27 +126,27 @@ def test_one_scale_is_that_of_all_axes(tmp_path):
         ("red", None, "holds no numbers"),
     ],
 )
-def test_colors_are_read_as_they_are_meant(tmp_path, rgba, expected, told):
+def test_colors_are_read_as_they_are_meant(tmp_path, rgba, expected, warning):
     paint = f'<material name="m"><color rgba="{rgba}"/></material>'
     path = written(tmp_path / "r.urdf", link(BOX.replace("</visual>", paint + "</visual>")))
     found = urdf.read(path, {})
     look = found.visuals["a"][0].look
     assert (look and look.color) == (expected and pytest.approx(expected))
-    if told is None:
+    if warning is None:
         assert not found.warnings
     else:
-        assert told in found.warnings[0] and "'m'" in found.warnings[0]
-        strictly_refused(path, told)
+        assert warning in found.warnings[0] and "'m'" in found.warnings[0]
+        strictly_refused(path, warning)
 
 
 def test_a_texture_that_is_not_there_leaves_the_color(tmp_path):
     paint = '<material name="m"><texture {}/><color rgba="1 0 0 1"/></material>'
-    for texture, told in (("", ()), ('filename="no.png"', ("no file",))):
+    for texture, warning in (("", ()), ('filename="no.png"', ("no file",))):
         body = link(BOX.replace("</visual>", paint.format(texture) + "</visual>"))
         path = written(tmp_path / "r.urdf", body)
         found = urdf.read(path, {})
         assert found.visuals["a"][0].look == Look("m", (1, 0, 0, 1))
-        assert len(found.warnings) == len(told) and all(t in found.warnings[0] for t in told)
+        assert len(found.warnings) == len(warning) and all(t in found.warnings[0] for t in warning)
     strictly_refused(path, "no file", hg.NotFound)
 
 
@@ -176,9 +176,9 @@ def test_mimics_of_what_never_moves_are_fixed(tmp_path):
         c, s = np.cos(angle), np.sin(angle)
         np.testing.assert_allclose(poses[name][:2, :2], [[c, -s], [s, c]], atol=1e-15)
     assert poses["e"][0, 3] == 0.5 and poses["f"][0, 3] == 1.0  # o rests at its lower limit
-    told = "\n".join(found.warnings)
+    warnings = "\n".join(found.warnings)
     for one in ("'f' is fixed", "'m' mimics 'f', which is fixed", "'o' mimics 'gone', which is no"):
-        assert one in told
+        assert one in warnings
     assert len(found.warnings) == 5
     with pytest.raises(hg.InvalidArgument, match="it is fixed"):
         k.values({"m": 0.1})
@@ -266,8 +266,8 @@ def test_a_robot_without_visuals_is_seen_by_its_collision_shapes(tmp_path):
     body = link(ball) + link(BOX, name="b") + joint("fixed")
     found = urdf.read(written(tmp_path / "r.urdf", body), {}, strict=True)
     assert not found.visuals["a"] and [v.shape for v in found.visuals["b"]] == ["box"]
-    lost = link(solid.format('mesh filename="no.stl"'))
-    assert urdf.read(written(tmp_path / "r.urdf", lost), {}).visuals["a"] == []
+    missing = link(solid.format('mesh filename="no.stl"'))
+    assert urdf.read(written(tmp_path / "r.urdf", missing), {}).visuals["a"] == []
 
 
 def test_a_capsule_is_a_cylinder_between_two_halves_of_a_sphere():

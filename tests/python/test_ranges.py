@@ -1,4 +1,4 @@
-"""What randomizers draw from, against the distributions that they promise. Each chi-square test has
+"""Draws of randomizers, against the distributions that they promise. Each chi-square test has
 a level of 0.001: of a thousand right implementations one would fail; the seeds are fixed."""
 
 import types

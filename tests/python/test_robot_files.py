@@ -17,8 +17,8 @@ def test_what_is_missing_is_left_out_and_told(tmp_path):
         path = written(tmp_path / "r.urdf", link(mesh(reference), BOX))
         found = urdf.read(path, {})
         assert [visual.shape for visual in found.visuals["a"]] == ["box"]
-        (told,) = found.warnings
-        assert told.startswith("link 'a': ") and told.endswith("; it is left out")
+        (warning,) = found.warnings
+        assert warning.startswith("link 'a': ") and warning.endswith("; it is left out")
         strictly_refused(path, "link 'a'", (hg.InvalidArgument, hg.NotFound))
 
 
@@ -136,7 +136,7 @@ def test_leftovers_of_xacro_that_nothing_needs_are_passed_over(tmp_path):
     path = written(tmp_path / "r.urdf", body, head='<robot name="r" xmlns:xacro="http://x">')
     found = urdf.read(path, {})
     np.testing.assert_array_equal(found.joints[0].origin[:3, 3], (0.19, 0, 0.149))
-    assert len(found.warnings) == 3 and any("HELIO_X" in told for told in found.warnings)
+    assert len(found.warnings) == 3 and any("HELIO_X" in text for text in found.warnings)
     strictly_refused(path, "optenv|xacro")
 
 

@@ -48,7 +48,7 @@ class Daemon:
         )
         return self.shared.plane(place, FLOATS, [count])
 
-    def heard(self):
+    def received(self):
         words = []
         while True:
             try:
@@ -73,25 +73,25 @@ def test_many_planes_are_views_of_one_mapping_and_each_comes_back_by_itself(daem
     assert list(daemon.shared._maps) == [1]
     assert all((plane == generation).all() for generation, plane in planes.items())
     kept = planes.pop(700)[3:5]
-    assert not kept.flags.writeable and daemon.heard() == []
+    assert not kept.flags.writeable and daemon.received() == []
     for generation in (5, 6, 900):
         del planes[generation]
-        assert daemon.heard() == [(1, generation)]
+        assert daemon.received() == [(1, generation)]
     for generation in list(planes):
         del planes[generation]
-        assert daemon.heard() == [(1, generation)]
+        assert daemon.received() == [(1, generation)]
     assert (kept == 700).all()
     del kept
-    assert daemon.heard() == [(1, 700)]
+    assert daemon.received() == [(1, 700)]
 
 
 def test_planes_of_one_generation_come_back_together(daemon):
     daemon.offer(1)
     first, second = daemon.plane(1, 5), daemon.plane(1, 5, 4096)
     del first
-    assert daemon.heard() == []
+    assert daemon.received() == []
     del second
-    assert daemon.heard() == [(1, 5)]
+    assert daemon.received() == [(1, 5)]
 
 
 def test_what_is_mapped_without_a_frame_is_bounded(daemon, monkeypatch):
@@ -100,10 +100,10 @@ def test_what_is_mapped_without_a_frame_is_bounded(daemon, monkeypatch):
         daemon.offer(number)
     planes = [daemon.plane(1 + k % 4, 5 + k, 64 * k) for k in range(12)]
     del planes[::2]  # all of 1 and 3
-    assert daemon.heard() == [(1, 5), (3, 7), (1, 9), (3, 11), (1, 13), (3, 15)]
+    assert daemon.received() == [(1, 5), (3, 7), (1, 9), (3, 11), (1, 13), (3, 15)]
     del planes[:]
-    said = [word for word in daemon.heard() if word[1] == UNMAPPED]
-    assert sorted(said) == [(2, UNMAPPED), (4, UNMAPPED)]
+    received = [word for word in daemon.received() if word[1] == UNMAPPED]
+    assert sorted(received) == [(2, UNMAPPED), (4, UNMAPPED)]
     assert set(daemon.shared._maps) == {1, 3}
     daemon.offer(4)
     assert (daemon.plane(4, 30) == 30).all()  # once it is here again
@@ -122,25 +122,25 @@ def test_before_a_fork_nobody_can_tell_any_more(daemon):
     daemon.offer(1)
     planes = [daemon.plane(1, 5), daemon.plane(1, 6, 64)]
     daemon.shared.keep_leases()
-    assert sorted(daemon.heard()) == [(5, 0), (6, 0)]
+    assert sorted(daemon.received()) == [(5, 0), (6, 0)]
     del planes
     gc.collect()
-    assert daemon.heard() == []
+    assert daemon.received() == []
 
 
 def test_no_word_is_lost_where_threads_let_go_at_once(daemon):
     daemon.offer(1)
     planes = [[daemon.plane(1, 5 + 500 * t + k, 64 * k) for k in range(500)] for t in range(4)]
-    said = []
+    received = []
     threads = [threading.Thread(target=each.clear) for each in planes]
     for thread in threads:
         thread.start()
     while any(thread.is_alive() for thread in threads):
-        said += daemon.heard()
+        received += daemon.received()
     last = daemon.plane(1, 4)
     while daemon.shared._unsent:
-        said += daemon.heard()
+        received += daemon.received()
         daemon.shared._send(WORD.pack(0, 1))
-    said += daemon.heard()
-    assert sorted(word for word in said if word[0]) == [(1, 5 + k) for k in range(2000)]
+    received += daemon.received()
+    assert sorted(word for word in received if word[0]) == [(1, 5 + k) for k in range(2000)]
     assert (last == 4).all()

@@ -31,7 +31,7 @@ def spline(points, basis, count=400):
 
 
 def distances(points, strand):
-    """Of points from a polyline."""
+    """Distances of points from a polyline."""
     a, b = strand[:-1, None], strand[1:, None]
     ab = b - a
     u = np.clip(((points - a) * ab).sum(-1) / (ab**2).sum(-1), 0, 1)

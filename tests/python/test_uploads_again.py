@@ -44,10 +44,10 @@ class Frugal(fake.FakeDaemon):
             if digest not in known and digest not in self.blobs:
                 self.refused += 1
                 in_field = self.way == WAYS[1]
-                told = f"sha256 {digest.hex()}"
-                field = told if in_field else "edits[0].blob"
+                sha256 = f"sha256 {digest.hex()}"
+                field = sha256 if in_field else "edits[0].blob"
                 code = grpc.StatusCode[self.way.split()[0]]
-                self._abort(context, status(code, "" if in_field else told, field=field))
+                self._abort(context, status(code, "" if in_field else sha256, field=field))
 
     def Apply(self, request, context):
         session = self._session(context)
@@ -74,8 +74,8 @@ class Frugal(fake.FakeDaemon):
             gone = [d for d in named(request.job.overlay) if d not in self.blobs]
             if gone:
                 self.refused += 1
-                lost = status(grpc.StatusCode.NOT_FOUND, f"sha256 {gone[0].hex()}")
-                yield service_pb2.RenderBatchReply(tag=request.tag, status=lost, done=True)
+                missing = status(grpc.StatusCode.NOT_FOUND, f"sha256 {gone[0].hex()}")
+                yield service_pb2.RenderBatchReply(tag=request.tag, status=missing, done=True)
                 continue
             for part in self._frame(request.job, 0):
                 yield service_pb2.RenderBatchReply(tag=request.tag, part=part)

@@ -144,8 +144,8 @@ def interrupted(tmp_path, writer, there):
     """A set of 3 images, of which so many were made."""
     clean_dataset.make(tmp_path)
     own = tmp_path / clean_dataset.OWN
-    told = json.loads((own / "dataset.json").read_text())
-    clean_dataset.put(own / "dataset.json", {**told, "writer": {"format": writer}})
+    record = json.loads((own / "dataset.json").read_text())
+    clean_dataset.put(own / "dataset.json", {**record, "writer": {"format": writer}})
     for index in range(there, 3):
         for folder in ("records", "manifests"):
             (own / f"{folder}/{index:06d}.json").unlink()
@@ -159,10 +159,10 @@ def test_an_interrupted_set_is_told_as_such(tmp_path, capsys, there):
     assert report.formats == ["dataset"] and not report.ok
     (fault,) = report.faults
     assert fault.check == "dataset.counts"
-    said = f"{there} of 3 images of a Coco set are there, the first that is missing is 00000{there}"
-    assert said in fault.message and "call generate() again" in fault.message
+    text = f"{there} of 3 images of a Coco set are there, the first that is missing is 00000{there}"
+    assert text in fault.message and "call generate() again" in fault.message
     assert main(["validate", str(tmp_path), "--processes", "0"]) == 1
-    assert said in capsys.readouterr().out
+    assert text in capsys.readouterr().out
 
 
 def test_an_interrupted_set_beside_anothers_files(tmp_path, clean):

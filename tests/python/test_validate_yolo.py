@@ -27,7 +27,7 @@ def test_data_as_people_write_it(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (f"{FOLDERS}names: [bolt\n", "line 4, column 1"),
         (f"{FOLDERS}names: &n [bolt, nut]\nmore: *n\n", "line 4 has an alias"),
@@ -39,9 +39,9 @@ def test_data_as_people_write_it(tmp_path, text):
         ("\x00", "is no YAML"),
     ],
 )
-def test_what_is_no_data_is_told(tmp_path, text, told):
+def test_what_is_no_data_is_told(tmp_path, text, message):
     clean_yolo.make(tmp_path)
     (tmp_path / "data.yaml").write_text(text)
     report = hd.validate(tmp_path)
     (fault,) = report.faults
-    assert (fault.check, fault.file) == ("yolo.format", "data.yaml") and told in fault.message
+    assert (fault.check, fault.file) == ("yolo.format", "data.yaml") and message in fault.message

@@ -1,4 +1,4 @@
-"""What render_worlds sends, and what it refuses before."""
+"""Requests of render_worlds, and its refusals before them."""
 
 import heliograph as hg
 import numpy as np

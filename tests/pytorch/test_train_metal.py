@@ -34,8 +34,8 @@ def test_the_pictures_of_a_draw_show_the_same_can(example):
 def test_both_are_trained_and_compared(example, capsys):
     torch.set_num_threads(1)
     results = example.main(256, 48)
-    said = capsys.readouterr().out
-    assert "learnt from" in said and "256 images to learn from, 48 tests" in said
+    output = capsys.readouterr().out
+    assert "learnt from" in output and "256 images to learn from, 48 tests" in output
     assert set(results) == set(example.KINDS)
     for found, overlap, angle in results.values():
         assert 0 <= found <= 1 and 0 < overlap < 1

@@ -1,4 +1,4 @@
-"""What a change of the contract breaks: clients and scene files of the older version no longer mean
+"""Breaking changes of the contract: clients and scene files of the older version no longer mean
 what they meant. A field may be added, a message, an enum value, a call; nothing else."""
 
 from google.protobuf import descriptor_pb2

@@ -152,7 +152,7 @@ def joined(replies):
 
 
 class Replies:
-    """What comes of a call, in `replies`; `is_over` when it ended, `error` when it ended so."""
+    """Result of a call: its `replies`; `is_over` when it ended, `error` when it ended so."""
 
     def __init__(self, call):
         self.call = call
@@ -179,7 +179,7 @@ class Replies:
 
 @dataclasses.dataclass
 class Detail:
-    """What a google.rpc.Status says, as errors.proto has it."""
+    """Details of a google.rpc.Status, as errors.proto has them."""
 
     field: str = ""
     reason: str = ""
@@ -193,8 +193,8 @@ class Detail:
     nearest: list[str] = dataclasses.field(default_factory=list)
 
 
-def told(status: status_pb2.Status) -> Detail:
-    """Checks what holds of every one."""
+def detail_of(status: status_pb2.Status) -> Detail:
+    """Details of a status. Checks what holds of every one."""
     out = Detail()
     kinds = [getattr(details, each.type_url.rpartition(".")[2])() for each in status.details]
     for kind, packed in zip(kinds, status.details, strict=True):
@@ -231,7 +231,7 @@ def status_of(error: grpc.RpcError) -> status_pb2.Status:
 
 
 def detail(error: grpc.RpcError) -> Detail:
-    return told(status_of(error))
+    return detail_of(status_of(error))
 
 
 def eventually(condition, seconds: float = 5.0):

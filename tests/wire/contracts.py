@@ -23,7 +23,7 @@ def golden(name: str) -> descriptor_pb2.FileDescriptorSet:
 
 
 def today(comments: bool = False) -> descriptor_pb2.FileDescriptorSet:
-    """Of proto/ and what it imports, by protoc."""
+    """Descriptors of proto/ and its imports, by protoc."""
     protos = sorted((ROOT / "proto").rglob("*.proto"))
     flags = ["--include_imports", *(["--include_source_info"] if comments else [])]
     with tempfile.NamedTemporaryFile() as out:
@@ -106,7 +106,7 @@ class Contract:
         return message_factory.GetMessageClass(found)(**fields)
 
     def callable(self, channel: grpc.Channel, method: str):
-        """Of a channel."""
+        """The callable of a method, on a channel."""
         found = self.methods[method]
         kind = ("stream" if found.client_streaming else "unary") + (
             "_stream" if found.server_streaming else "_unary"

@@ -26,7 +26,7 @@ OPTIONS = {
 
 
 class Settings:
-    """What buf.yaml says of lint."""
+    """The lint section of buf.yaml."""
 
     def __init__(self, text: str):
         lint = yaml.safe_load(text)["lint"]
@@ -45,7 +45,7 @@ def rule(function):
 
 
 def rule_of_files(function):
-    """Of each file by itself."""
+    """Makes a rule that is checked for each file by itself."""
 
     def check(files: list[pb.FileDescriptorProto]) -> Lines:
         for file in files:
@@ -150,7 +150,7 @@ def _same_option(name: str, option: str) -> None:
         found: dict[str, set] = {}
         for file in files:
             found.setdefault(file.package, set()).add(getattr(file.options, option))
-        yield from (f"{package}: {said}" for package, said in found.items() if len(said) > 1)
+        yield from (f"{package}: {values}" for package, values in found.items() if len(values) > 1)
 
     RULES[f"PACKAGE_SAME_{name}"] = check
 
@@ -321,15 +321,15 @@ def RPC_REQUEST_RESPONSE_UNIQUE(files):
 def uncommented(files: list[pb.FileDescriptorProto]) -> Lines:
     """Fields that no comment stands above or behind."""
     for file in files:
-        said = {
+        commented = {
             tuple(place.path)
             for place in file.source_code_info.location
             if place.leading_comments or place.trailing_comments
         }
 
-        def walk(prefix, path, message, said=said, name=file.name):
+        def walk(prefix, path, message, commented=commented, name=file.name):
             for i, field in enumerate(message.field):
-                if (*path, 2, i) not in said:
+                if (*path, 2, i) not in commented:
                     yield f"{name}: {prefix}.{field.name}"
             for i, nested in enumerate(message.nested_type):
                 if not nested.options.map_entry:

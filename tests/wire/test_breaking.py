@@ -90,10 +90,10 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_break_is_found_and_named(fault):
     old, new = contracts.today(), contracts.today()
-    spoil, says = FAULTS[fault]
+    spoil, line_part = FAULTS[fault]
     spoil(new)
     found = breaking.breaks(old, new)
-    assert any(says in line for line in found), found
+    assert any(line_part in line for line in found), found
     assert all(line.endswith(breaking.REMEDY) for line in found)
 
 

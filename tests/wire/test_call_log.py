@@ -101,8 +101,8 @@ def test_a_trace_is_in_the_line_and_in_the_manifest(logged):
         assert "trace" not in traced(client, ("traceparent", wrong))
     assert "trace" not in traced(client)
     renders = [line for line in lines() if line.get("method", "").endswith("/Render")]
-    told = [(line.get("trace_id"), line.get("span_id")) for line in renders]
-    assert sorted(told, key=str) == [(TRACE, SPAN), *[(None, None)] * 5]
+    traces = [(line.get("trace_id"), line.get("span_id")) for line in renders]
+    assert sorted(traces, key=str) == [(TRACE, SPAN), *[(None, None)] * 5]
 
 
 def test_a_slow_call_says_where_its_time_went(start):

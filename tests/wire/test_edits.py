@@ -4,7 +4,7 @@ import struct
 
 import grpc
 import pytest
-from conftest import Client, detail, told
+from conftest import Client, detail, detail_of
 from heliograph.v1 import render_pb2, scene_pb2, types_pb2
 from heliograph.v1 import service_pb2 as service
 
@@ -175,7 +175,7 @@ def test_the_edits_of_a_transaction_are_limited(start):
     streamed = service.ApplyRequest(scene=scene, number=2)
     streamed.transaction.edits.extend(three)
     (reply,) = client.stub.ApplyStream(iter([streamed]), metadata=client.metadata, timeout=20)
-    assert reply.status.code == 8 and told(reply.status).field == "edits"
+    assert reply.status.code == 8 and detail_of(reply.status).field == "edits"
     camera = scene_pb2.Camera(width=2, height=2, fx=2, fy=2, cx=0.5, cy=0.5)
     client.numbers[scene] = 2
     client.apply(scene, entity("cam", camera=camera), entity("a"))
@@ -221,7 +221,7 @@ def test_a_stream_answers_in_order_and_goes_on_after_a_refusal(client, scene):
     assert [r.number for r in replies] == list(range(1, 101))
     assert [r.number for r in replies if r.HasField("status")] == [50]
     assert replies[49].status.code == 5
-    assert told(replies[49].status).field.startswith("edits[0]")
+    assert detail_of(replies[49].status).field.startswith("edits[0]")
     assert replies[-1].revision == 99
 
 

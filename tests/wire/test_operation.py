@@ -1,4 +1,4 @@
-"""What an operator sees: health, --probe, metrics, reflection, the group."""
+"""Means of an operator: health, --probe, metrics, reflection, the group."""
 
 import contextlib
 import grp
@@ -231,12 +231,12 @@ def test_reflection_gives_the_contract(start):
             {"file_containing_symbol": "heliograph.decode.Hello"},
         )
     assert [s.name for s in services.list_services_response.service] == [RENDERER]
-    told = [
+    descriptors = [
         descriptor_pb2.FileDescriptorProto.FromString(data)
         for data in files.file_descriptor_response.file_descriptor_proto
     ]
     known = service_pb2.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
-    contract = Contract(descriptor_pb2.FileDescriptorSet(file=told))
+    contract = Contract(descriptor_pb2.FileDescriptorSet(file=descriptors))
     assert set(contract.methods) == set(known)
     assert len(by_name.file_descriptor_response.file_descriptor_proto) == 1
     assert none.error_response.error_code == grpc.StatusCode.NOT_FOUND.value[0]
@@ -257,7 +257,7 @@ def test_reflection_asks_for_the_token_too(start):
 
 
 def as_user(uid: int, gid: int, groups: list[int], path: str) -> bool:
-    """Whether a process of that user gets a ticket on the local channel."""
+    """True if a process of that user gets a ticket on the local channel."""
     child = os.fork()
     if child == 0:
         status = 1

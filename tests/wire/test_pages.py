@@ -7,7 +7,7 @@ from conftest import Client, detail
 from heliograph.v1 import scene_pb2, types_pb2
 from heliograph.v1 import service_pb2 as service
 
-MESSAGE = 4 << 20  # bytes that gRPC's clients take unless they are told otherwise
+MESSAGE = 4 << 20  # bytes that gRPC's clients take by default
 OBJECTS, SCENES = 100_000, 10_000
 
 

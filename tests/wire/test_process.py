@@ -209,7 +209,7 @@ def tcp_daemon(start, **limits):
 
 
 def knock(port, source="127.0.0.1"):
-    """A connection that says nothing, not even who it is."""
+    """A connection that sends nothing, not even a header."""
     return socket.create_connection(("127.0.0.1", port), timeout=5, source_address=(source, 0))
 
 

@@ -33,7 +33,7 @@ class Line:
             socket.send_fds(client.local_channel, [WISH], [theirs.fileno()])
 
     def exchange(self, packet: bytes) -> bytes | None:
-        """What answers a packet; None: the daemon closed the socket."""
+        """The answer to a packet; None: the daemon closed the socket."""
         try:
             self.socket.send(packet)
             data, fds, _, _ = socket.recv_fds(self.socket, PACKET, 1)
@@ -74,7 +74,7 @@ def moved(scene: int, number: int, z: float, **fields) -> service.ApplyRequest:
 
 
 def calls_of(client: Client) -> int:
-    """Those in flight of the tenant's sessions, this one not counted."""
+    """Calls in flight of the tenant's sessions, this one not counted."""
     return sum(use.calls for use in client.call("ListSessions").sessions)
 
 
@@ -307,7 +307,7 @@ def test_progress_comes_before_the_reply(client, line):
 
 
 def test_an_idle_socket_holds_no_scene(client, line):
-    """What the last frame was of is freed with its scene."""
+    """Memory of the last frame's scene is freed with it."""
     scene = setup(client)
     assert line.ask(render=request(scene, "DEPTH")).status.code == 0
     held = client.call("GetServerInfo").used["tenant_entities"]

@@ -107,7 +107,7 @@ def light(**fields) -> scene_pb2.Entity:
 
 
 def full_lights() -> dict[str, scene_pb2.Entity]:
-    """Of each kind one with all that it may have, and a window."""
+    """One of each kind with all that it may have, and a window."""
     kinds = scene_pb2.Light
     return {
         "luminaire": light(

@@ -5,7 +5,7 @@ import grpc
 import numpy as np
 import pytest
 import skewed
-from conftest import detail, told
+from conftest import detail, detail_of
 
 N = contracts.today()
 CONTRACTS = {
@@ -20,7 +20,7 @@ OWN = {"OpenSession", "CloseSession", "KeepSession", "GetServerInfo", "ListSessi
 
 @pytest.fixture(scope="module")
 def tours(daemon):
-    """What a client of each version found."""
+    """Findings of a client of each version."""
     found = {}
     for name, contract in CONTRACTS.items():
         client = skewed.Client(contract, daemon)
@@ -112,7 +112,7 @@ def test_an_unknown_field_of_every_request_is_refused(newer, method):
     if method == "ApplyStream":  # a refusal of one transaction is a reply
         (reply,) = newer.send(method, request)
         assert reply.status.code == UNIMPLEMENTED.value[0]
-        assert not told(reply.status).field
+        assert not detail_of(reply.status).field
         assert str(contracts.FUTURE_FIELD) in reply.status.message
     else:
         assert_unknown(newer, method, request, "", contracts.FUTURE_FIELD)
@@ -186,7 +186,7 @@ def test_an_item_of_a_batch_answers_for_itself(newer):
     jobs = [{"tag": 1, "credits": 2, "job": {**good, "filter": 999}}, {"tag": 2, "job": good}]
     replies = newer.send("RenderBatch", [newer.make("RenderBatch", **job) for job in jobs])
     bad, fine = (next(r for r in replies if r.done and r.tag == tag) for tag in (1, 2))
-    assert bad.status.code == UNIMPLEMENTED.value[0] and told(bad.status).field == "job.filter"
+    assert bad.status.code == UNIMPLEMENTED.value[0] and detail_of(bad.status).field == "job.filter"
     assert fine.status.code == 0
 
 

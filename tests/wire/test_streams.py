@@ -7,7 +7,7 @@ import time
 
 import grpc
 import pytest
-from conftest import Client, Replies, eventually, told
+from conftest import Client, Replies, detail_of, eventually
 from heliograph.v1 import service_pb2 as service
 from test_edits import entity, pose
 from test_render import request, setup
@@ -100,9 +100,9 @@ def test_an_item_has_a_status_of_its_own(converse, scene):
     eventually(lambda: batch.is_over)
     ends = {reply.tag: reply for reply in batch.replies if reply.done}
     assert ends[1].status.code == grpc.StatusCode.NOT_FOUND.value[0]
-    assert told(ends[1].status).field == "job.scene" and "no scene" in ends[1].status.message
+    assert detail_of(ends[1].status).field == "job.scene" and "no scene" in ends[1].status.message
     assert ends[2].status.code == grpc.StatusCode.INVALID_ARGUMENT.value[0]
-    assert told(ends[2].status).field == "job.progressive"
+    assert detail_of(ends[2].status).field == "job.progressive"
     assert not ends[3].HasField("status")
 
 
@@ -215,7 +215,7 @@ class Edits:
         assert self.stream.wait(1)[0].status.code == 0
 
     def try_another(self) -> int:
-        """The status of a second edit, whether as a reply or as the stream's end."""
+        """The status of a second edit, as a reply or as the stream's end."""
         self.stream.send(numbered(self.scene, 2))
         eventually(lambda: self.stream.is_over or len(self.stream.replies) == 2)
         if len(self.stream.replies) == 2:

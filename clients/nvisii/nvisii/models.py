@@ -38,7 +38,7 @@ class Model(NamedTuple):
 
 
 def read_model(path: str) -> Model:
-    """Has a file decoded; RuntimeError says why it cannot be."""
+    """Has a file decoded. RuntimeError with the reason where it cannot be."""
     if not os.path.isfile(path):
         raise RuntimeError(f"there is no file {path!r}")
     client = daemon.client()

@@ -90,7 +90,7 @@ class Cancelled(HeliographError):
 
 
 class InvalidArgument(HeliographError, ValueError):
-    """Would never work; `.field` says where."""
+    """Would never work; `.field` is the path of the offending value."""
 
     code = "INVALID_ARGUMENT"
 

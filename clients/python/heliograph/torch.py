@@ -45,7 +45,7 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
 
     camera: one, or a sequence. randomizer: a callable (draw) -> None, see heliograph.datasets; it
     runs in one thread of each worker. count: how many images; None: without end. start: the first
-    one's index; a training that goes on after n images says start=n. ahead: images under way, in
+    one's index; a training that goes on after n images sets start=n. ahead: images under way, in
     each worker, while one is handed over. item: makes an item of a datasets.Image; default
     tensors(). block: so many consecutive images come of one worker; a loader() takes the size of a
     batch. rank, ranks: which share is of this process; default that of torch.distributed where it
@@ -53,7 +53,7 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
     options: accept and attempts of generate(); planes, labels, spp and others of Scene.render. With
     device="cuda" tensors stay on the GPU that rendered them, in this process.
 
-    An error of image i says so in its message.
+    An error of image i names it in its message.
     """
 
     def __init__(

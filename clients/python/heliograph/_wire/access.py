@@ -61,7 +61,7 @@ class Access:
 
     token: itself, or (a path) the file that it is in, read again for each call, so that it may be
     replaced while the client runs.
-    trace: tells, in the thread of each call, the headers of the trace that it is part of. It is not
+    trace: returns, in each call's thread, the headers of the trace that it is part of. It is not
     pickled.
     """
 
@@ -95,8 +95,8 @@ class Access:
 
     def traced(self) -> Headers:
         """Headers of the caller's trace at this moment; () without a trace."""
-        told = self.trace() if self.trace is not None else None
-        headers = ((name.lower(), value) for name, value in (told or {}).items())
+        headers_of_trace = self.trace() if self.trace is not None else None
+        headers = ((name.lower(), value) for name, value in (headers_of_trace or {}).items())
         return tuple(header for header in headers if header[0] in _OF_TRACES)
 
     def metadata(self) -> Headers:

@@ -63,7 +63,7 @@ class Connection:
         try:
             link = Link(self.access, deadline=deadline)
         except (grpc.RpcError, Unavailable) as error:
-            raise self._lost(_typed(error)) from None
+            raise self._with_end(_typed(error)) from None
         link.keep(self.daemon)
         return link
 
@@ -93,8 +93,8 @@ class Connection:
             if not isinstance(failure, Unavailable) or self.closed or not patience.wait():
                 raise failure
 
-    def _lost(self, error: HeliographError) -> HeliographError:
-        """Error that tells how the private daemon died, if it did; otherwise `error`."""
+    def _with_end(self, error: HeliographError) -> HeliographError:
+        """Error that describes how the private daemon died, if it did; otherwise `error`."""
         if isinstance(error, Unavailable) and self.daemon is not None:
             deadline = time.monotonic() + 0.3
             while self.daemon.exit_code() is None and time.monotonic() < deadline:
@@ -138,7 +138,7 @@ class Connection:
                 continue
             if not isinstance(failure, Unavailable):
                 raise failure
-            failure = self._lost(failure)
+            failure = self._with_end(failure)
             is_dead = self.daemon is not None and self.daemon.exit_code() is not None
             if is_dead or not patience.wait():
                 raise failure
@@ -184,7 +184,7 @@ class Connection:
                 "the daemon was restarted, and the session goes on: ask again; anything "
                 "that was not durable is gone"
             )
-        return self._lost(failed)
+        return self._with_end(failed)
 
     def close(self) -> None:
         """Ends the session, and a private daemon. Safe to call twice."""

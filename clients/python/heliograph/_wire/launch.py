@@ -204,7 +204,7 @@ class PrivateDaemon:
         return self._socket
 
     def _read_ready(self, deadline: Deadline) -> str:
-        """The line that says where it listens, or as much of it as came before it ended."""
+        """The line with the address it listens on, or as much of it as came before it ended."""
         import select
 
         text = b""
@@ -222,7 +222,7 @@ class PrivateDaemon:
         return self._process.poll() if os.getpid() == self._owner else None
 
     def death(self, message: str, patience: float = 2.0) -> Unavailable:
-        """The error that tells how it ended, where it does so within `patience` seconds."""
+        """The error that describes how it ended, if it does so within `patience` seconds."""
         code: int | None = None
         if os.getpid() == self._owner:
             try:

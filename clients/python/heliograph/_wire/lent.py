@@ -42,12 +42,12 @@ class GpuArray:
     def __init__(
         self, value: Any, field: str, dtypes: Sequence[str], shape: Sequence[int | None]
     ) -> None:
-        told = value.__cuda_array_interface__
-        self.shape: tuple[int, ...] = tuple(told["shape"])
-        self.dtype = np.dtype(told["typestr"])
+        interface = value.__cuda_array_interface__
+        self.shape: tuple[int, ...] = tuple(interface["shape"])
+        self.dtype = np.dtype(interface["typestr"])
         self.nbytes = math.prod(self.shape) * self.dtype.itemsize
-        self.pointer = int(told["data"][0])
-        self.stream = _stream_of(value, told)
+        self.pointer = int(interface["data"][0])
+        self.stream = _stream_of(value, interface)
         self._value = value
         if len(self.shape) != len(shape) or any(
             want is not None and want != got for want, got in zip(shape, self.shape)
@@ -59,7 +59,7 @@ class GpuArray:
                 + " or ".join(np.dtype(name).name for name in dtypes),
                 field=field,
             )
-        if told.get("strides") is not None and tuple(told["strides"]) != _packed(self):
+        if interface.get("strides") is not None and tuple(interface["strides"]) != _packed(self):
             raise InvalidArgument(f"{field}: is not packed; make it contiguous", field=field)
         if self.nbytes == 0:
             raise InvalidArgument(f"{field}: is empty; send it from the host", field=field)
@@ -80,11 +80,11 @@ def _packed(array: GpuArray) -> tuple[int, ...]:
     return tuple(size * math.prod(array.shape[i + 1 :]) for i in range(len(array.shape)))
 
 
-def _stream_of(value: Any, told: dict[str, Any]) -> int | None:
+def _stream_of(value: Any, interface: dict[str, Any]) -> int | None:
     """The stream in whose order it is written; None: not known."""
     if is_tensor(value):
         return int(sys.modules["torch"].cuda.current_stream(value.device).cuda_stream)
-    stream = told.get("stream")
+    stream = interface.get("stream")
     return None if stream is None else int(stream)
 
 

@@ -20,7 +20,7 @@ _DETAILS = "grpc-status-details-bin"
 def to_error(error: grpc.RpcError) -> HeliographError:
     """The typed error of a failed call."""
     trailers = dict(error.trailing_metadata() or ())
-    told = status_pb2.Status.FromString(trailers.get(_DETAILS, b""))
+    status = status_pb2.Status.FromString(trailers.get(_DETAILS, b""))
     name = error.code().name
     text = error.details() or name
     if name == "UNAVAILABLE" and _DETAILS not in trailers:  # gRPC's own words
@@ -28,7 +28,7 @@ def to_error(error: grpc.RpcError) -> HeliographError:
     if name == "CANCELLED" and not error.cancelled():
         name = "UNAVAILABLE"
         text = f"the daemon cut the call off, because it ends, or its replies were not read: {text}"
-    fields = fields_of(told)
+    fields = fields_of(status)
     too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
     if too_long:
         needed, allowed = int(too_long[2]), int(too_long[3])
@@ -77,11 +77,11 @@ def fields_of(status: status_pb2.Status) -> dict[str, Any]:
 
 
 def _of_info(info: details_pb.ErrorInfo) -> dict[str, Any]:
-    told = info.metadata
+    metadata = info.metadata
     names = (f"nearest_{i}" for i in itertools.count())
     return {
         "reason": info.reason,
-        "limit": told.get("limit", ""),
-        "nearest": [told[name] for name in itertools.takewhile(told.__contains__, names)],
-        **{name: int(told.get(name, 0)) for name in ("needed", "used", "allowed", "expected")},
+        "limit": metadata.get("limit", ""),
+        "nearest": [metadata[name] for name in itertools.takewhile(metadata.__contains__, names)],
+        **{name: int(metadata.get(name, 0)) for name in ("needed", "used", "allowed", "expected")},
     }

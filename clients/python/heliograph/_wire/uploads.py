@@ -24,7 +24,7 @@ _Answer = TypeVar("_Answer")
 
 
 class Recent(OrderedDict[_Key, _Value]):
-    """The last entries that were set or asked for: a client that runs on does not grow."""
+    """The entries set or read last: a client that runs on does not grow."""
 
     def __setitem__(self, key: _Key, value: _Value) -> None:
         super().__setitem__(key, value)

@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs arguments.run, and tells of its errors; the exit status."""
+    """Runs arguments.run and prints its errors; returns the exit status."""
     try:
         return int(arguments.run(arguments))
     except HeliographError as error:

@@ -1,4 +1,4 @@
-"""The flags that say which daemon, and its client. Used by the subcommands."""
+"""The flags that choose a daemon, and its client. Used by the subcommands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TRIES = 3  # with a daemon that is lost each time
 
 
 def add_connection(parser: argparse.ArgumentParser) -> None:
-    """The flags that say which daemon."""
+    """The flags that choose a daemon."""
     group = parser.add_argument_group("daemon")
     group.add_argument(
         "--address", metavar="ADDRESS", help="unix:///path or host:port; default: a private daemon"

@@ -32,11 +32,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         from google.protobuf.json_format import MessageToDict
 
-        told = MessageToDict(info, preserving_proto_field_name=True)
-        told["sessions"] = [
+        fields = MessageToDict(info, preserving_proto_field_name=True)
+        fields["sessions"] = [
             MessageToDict(use, preserving_proto_field_name=True) for use in sessions
         ]
-        print(json.dumps(told, indent=2))
+        print(json.dumps(fields, indent=2))
         return 0
     _print_server(info)
     _print_sessions(sessions)
@@ -55,7 +55,7 @@ def _apis(info: Any) -> str:
 
 
 def _tenant(info: Any) -> str:
-    return f"{info.tenant}, weight {info.weight:g}" if info.tenant else "an older daemon: not told"
+    return f"{info.tenant}, weight {info.weight:g}" if info.tenant else "an older daemon: unknown"
 
 
 def _durable(info: Any) -> str:

@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             annotated.show()
         except FailedPrecondition:
-            told = "nothing here shows pictures: write it with -o FILE"
-            raise FailedPrecondition(told) from None
+            message = "nothing here shows pictures: write it with -o FILE"
+            raise FailedPrecondition(message) from None
     else:
         print(annotated.save(arguments.output))
     return 0

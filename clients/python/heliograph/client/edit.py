@@ -284,7 +284,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         image: a file's path (decoded by the daemon; .ies: a luminaire's candela), an array (H, W)
         or (H, W, C), row 0 at the top, or a PIL image; u8 and u16 are normalised, f16 and f32 taken
         as they are. A PIL image of another mode than grey or RGB, with alpha or not, is converted.
-        A hg.FileWarning tells of assumptions about a file, and changes to it.
+        A hg.FileWarning names assumptions about a file, and changes to it.
         layer: of a file with several: "diffuse" of an EXR's channels diffuse.R, diffuse.G,
         diffuse.B, the name of a part, or of a channel ("Z").
         encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
@@ -337,7 +337,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         file under the daemon's asset root. Roots are `name`, or "<name>/0" .. if count > 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
-        `folders`: where the model says they are, else a file of the same name. Without one the
+        `folders`: at the path in the model, else a file of the same name. Without one the
         model loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
         count = whole_of(count, "count")

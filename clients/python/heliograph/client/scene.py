@@ -127,7 +127,7 @@ class Scene:
     def render_sequence(
         self, camera: Named, times: Any, **options: Unpack[call.Options]
     ) -> Iterator[Frame]:
-        """Yields one frame per time, seconds; each is rendered when it is asked for."""
+        """Yields one frame per time, seconds; each is rendered when it is taken."""
         if "time" in options:
             raise InvalidArgument("time: render_sequence sets it", field="time")
         revision = options.pop("revision", None) or self.revision
@@ -175,8 +175,8 @@ class Scene:
     ) -> _watch.Watch:
         """`with scene.watch() as watch:` each transaction of the scene, by any client, as a Change.
 
-        from_revision: the first one, as far back as the daemon keeps them (OutOfRange tells the
-        oldest as `.expected`); default: those after this call. bookmark_seconds, [0.5, 3600]: after
+        from_revision: the first one, as far back as the daemon keeps them (OutOfRange has the
+        oldest in `.expected`); default: those after this call. bookmark_seconds, [0.5, 3600]: after
         so long without a change comes a bookmark; default: none is shown.
         """
         return _watch.Watch(self, from_revision, bookmark_seconds)
@@ -235,7 +235,7 @@ class Scene:
         return self.describe(tree=True, pattern=pattern).objects
 
     def handle(self, id: int | str, name: str = "") -> Any:
-        """The handle of an id, of the class its kind says; or of a name."""
+        """The handle of an id, of the class of its kind; or of a name."""
         if isinstance(id, str):
             return self[id]
         return KINDS.get(id >> 56, Handle)(self, name, id)
@@ -378,7 +378,7 @@ class Scene:
         try:
             self.delete()
         except HeliographError:
-            if kind is None:  # an error already on its way tells more
+            if kind is None:  # an error already on its way explains more
                 raise
 
     def _repr_html_(self) -> str:

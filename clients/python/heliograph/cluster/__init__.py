@@ -122,7 +122,7 @@ def generate(
         skipped=count - images,
         rejected=sum(each["rejected"] for each in made),
         seconds=time.monotonic() - start,
-        lost=team.lost,
+        lost=team.losses,
         core_seconds=None if None in used else sum(used),
         gpu_seconds=need["num_gpus"] * sum(each["seconds"] for each in made),
     )
@@ -171,7 +171,7 @@ class _Team:
         self._busy: dict[Any, tuple[Any, Shard | int]] = {}
         self._todo: deque[Shard] = deque()
         self._tried: dict[Shard, int] = {}
-        self.lost = 0
+        self.losses = 0
 
     def make(
         self, shards: Sequence[Shard], workers: int, tries: int, shown: _Shown
@@ -189,19 +189,19 @@ class _Team:
                     self._give(idle.pop(), self._todo.popleft())
                 ready, _ = self._ray.wait(list(self._busy), num_returns=1)
                 actor, task = self._busy.pop(ready[0])
-                said = self._said(ready[0])
-                self.lost += "lost" in said
-                if "ended" in said:
-                    self._replace(task, tries, said["lost"])
+                reply = self._reply(ready[0])
+                self.losses += "lost" in reply
+                if "ended" in reply:
+                    self._replace(task, tries, reply["lost"])
                 else:
                     idle.append(actor)
                 if isinstance(task, int):
                     continue
-                if "lost" in said:
-                    self._again(task, tries, said["lost"])
+                if "lost" in reply:
+                    self._again(task, tries, reply["lost"])
                 else:
-                    made.append(said)
-                    shown.add(said["images"], task[1] - task[0] - said["images"])
+                    made.append(reply)
+                    shown.add(reply["images"], task[1] - task[0] - reply["images"])
         finally:
             for actor in [*idle, *(actor for actor, _ in self._busy.values())]:
                 self._ray.kill(actor)
@@ -223,7 +223,7 @@ class _Team:
     def _give(self, actor: Any, shard: Shard) -> None:
         self._busy[actor.make.remote(*shard)] = actor, shard
 
-    def _said(self, reference: Any) -> dict[str, Any]:
+    def _reply(self, reference: Any) -> dict[str, Any]:
         """Answer of an actor; "lost": why it was lost, "ended": the actor is gone. Raises its
         errors."""
         errors = self._ray.exceptions

@@ -161,7 +161,7 @@ class Draw:
         parent = self._parent(key)
         return np.asarray(np.linalg.inv(self._world(parent, worlds)) @ world) if parent else world
 
-    # ------------------------------------------------------------ what the overlay says
+    # ------------------------------------------------------------ contents of the overlay
 
     def _follow(self) -> None:
         """Notes the parents and poses of the edits that came since the last time."""
@@ -218,7 +218,7 @@ class Draw:
 
 
 class BasePoses:
-    """Poses of the scene that all draws start from, asked for once. Thread: one at a time."""
+    """Poses of the scene that all draws start from, read once. Thread: one at a time."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene

@@ -130,8 +130,8 @@ class Folder:
 
     @contextlib.contextmanager
     def explained(self, name: str | Path) -> Iterator[None]:
-        """Says what to do where a disk is full or closed, also of libraries that tell it in words
-        of their own."""
+        """Errors with a remedy where a disk is full or closed, also of libraries that report it in
+        words of their own."""
         try:
             yield
         except (OSError, RuntimeError) as error:
@@ -237,9 +237,9 @@ class Folder:
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
     """True if an error has one of these errnos, by its number or by its text."""
-    told = getattr(error, "errno", None)
-    return told in numbers or (
-        told is None and any(os.strerror(number) in str(error) for number in numbers)
+    number_of_error = getattr(error, "errno", None)
+    return number_of_error in numbers or (
+        number_of_error is None and any(os.strerror(number) in str(error) for number in numbers)
     )
 
 

@@ -121,12 +121,12 @@ class KeptImage:
         old = json.loads(self.folder.manifest(self.index))
         new = json.loads(frame.manifest)
         names = ("version", "backend", "cpu_features", "denoiser")
-        told = [
+        changes = [
             f"{name} was {old.get(name)}, is {new.get(name)}"
             for name in names
             if old.get(name) != new.get(name)
         ]
-        return "; ".join(told) or "the daemon and the CPU are the same"
+        return "; ".join(changes) or "the daemon and the CPU are the same"
 
 
 def _index_of(folder: Folder, inside: Path) -> int | None:

@@ -56,7 +56,7 @@ class Record:
 
     @contextlib.contextmanager
     def drafted(self, scene: Scene) -> Iterator[Path]:
-        """The file of the scene, which the record tells the hash of. FailedPrecondition where the
+        """The file of the scene, whose hash the record has. FailedPrecondition where the
         directory is another data set's by now; then nothing was changed."""
         with self.folder.partial(self.folder.scene_path) as path:
             self.folder.drop_partial()
@@ -94,8 +94,8 @@ class Record:
         """FailedPrecondition where the directory has become another data set's since it was
         claimed, be it by another process."""
         old = self.folder.description
-        told = {"scene_sha256": old.get("scene_sha256"), **self._new, "count": old.get("count")}
-        self._compare(old, told)
+        new = {"scene_sha256": old.get("scene_sha256"), **self._new, "count": old.get("count")}
+        self._compare(old, new)
 
     def count(self) -> int:
         """Raises the number of images to that of this run, if it is larger, and returns it. Call

@@ -116,7 +116,7 @@ def encode(pixels: Any, format: str = "png", quality: int = 90) -> bytes:
 
 
 class Records:
-    """(index, record) of every image in order, as often as asked for, read from files one by one;
+    """(index, record) of every image in order, any number of times, read from files one by one;
     so it is as small as one record however many images there are."""
 
     def __init__(self, folder: Folder, count: int, split: str | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Meshes as arrays that files take: unit normals, joints told apart. Used by the writers."""
+"""Meshes as arrays that files take: unit normals, distinct joints. Used by the writers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHORT = 1e-12  # of normals and tangents: they have no direction
 
 @dataclass(frozen=True)
 class Geometry:
-    """The arrays of a Mesh, read when they are asked for. V vertices, F triangles, T targets."""
+    """The arrays of a Mesh, read at first use. V vertices, F triangles, T targets."""
 
     world: World
     name: str
@@ -142,9 +142,9 @@ class Geometries:
 def _unit(normals: NdArray, points: NdArray, indices: NdArray) -> NdArray:
     """Normals (V, 3) of length 1; a vertex without one gets the mean of the faces about it."""
     lengths = np.linalg.norm(normals, axis=1)
-    lost = lengths < _SHORT
-    if lost.any():
-        normals = np.where(lost[:, None], _face_means(points, indices), normals)
+    short = lengths < _SHORT
+    if short.any():
+        normals = np.where(short[:, None], _face_means(points, indices), normals)
         lengths = np.linalg.norm(normals, axis=1)
         normals[lengths < _SHORT] = (0, 0, 1)  # no face, or faces without an area
         lengths = np.linalg.norm(normals, axis=1)

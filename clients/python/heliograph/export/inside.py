@@ -1,4 +1,4 @@
-"""Replacement for light that travels inside bodies, in files that cannot say it."""
+"""Replacement for light that travels inside bodies, in files that cannot describe it."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _LOBES = (
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light as a Light message says it. shape: "mesh", "sphere", "disc", "rectangle" or "sun"."""
+    """A light as in a Light message. shape: "mesh", "sphere", "disc", "rectangle" or "sun"."""
 
     message: pb.Light
 

@@ -18,7 +18,7 @@ ENDINGS = (".glb", ".usdz")
 
 
 def checked_path(path: str | os.PathLike[str]) -> Path:
-    """A path whose ending says a format that is written, in a folder that is there."""
+    """A path whose ending is that of a format to write, in a folder that is there."""
     found = Path(path)
     if found.suffix.lower() not in ENDINGS:
         raise InvalidArgument(

@@ -44,7 +44,7 @@ class Drawing:
         self._only = None if only is None else _chosen(only)
 
     def column(self, layer: str, name: str, remedy: str) -> Any:
-        """A label column; InvalidArgument says how to get it."""
+        """A label column. InvalidArgument, with the remedy, where it is missing."""
         if name not in self.frame.labels:
             raise InvalidArgument(
                 f"{layer}: the frame has no labels {name!r}; render with {remedy}", field=layer
@@ -90,7 +90,7 @@ def annotated(frame: Frame, layers: Sequence[str], base: Picture, options: Any) 
     rgb = np.repeat(rgb[..., None], 3, axis=2) if rgb.ndim == 2 else rgb[..., :3]
     canvas = Canvas(rgb, int(scale))
     drawing = Drawing(frame, canvas, options["only"], options["skeleton"])
-    for name, draw in LAYERS.items():  # areas first, text last, whatever the order asked for
+    for name, draw in LAYERS.items():  # areas first, text last, whatever the order given
         if name in layers:
             draw(drawing)
     return canvas.finished()

@@ -18,7 +18,7 @@ _ROWS = 500  # of a tree in a notebook; text has all
 def html_of_frame(frame: Frame) -> str:
     """Picture of the frame's first plane, automatically exposed, and a line that describes it."""
     host = frame.cpu()
-    said = (
+    description = (
         f"{frame.width} x {frame.height}, {frame.samples} samples per pixel, camera "
         f"{frame.camera or '?'}, revision {frame.revision}, seed {frame.seed}"
     )
@@ -31,7 +31,7 @@ def html_of_frame(frame: Frame) -> str:
         for name in frame
     )
     small = "font-size:85%;opacity:.75"
-    return f'<figure>{figure}<div style="{small}">{escape(said)}<br>{planes}</div></figure>'
+    return f'<figure>{figure}<div style="{small}">{escape(description)}<br>{planes}</div></figure>'
 
 
 class Tree:
@@ -56,7 +56,7 @@ class Tree:
         return "\n".join(lines)
 
     def html(self) -> str:
-        """Nested list whose parents fold; a long one is cut, and says so."""
+        """Nested list whose parents fold; a long one is cut, with a remark."""
         self._left = _ROWS
         body = "".join(self._html(found) for found in self.children.get(0, ()))
         total = sum(len(listed) for listed in self.children.values())

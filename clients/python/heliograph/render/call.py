@@ -59,7 +59,7 @@ class Options(TypedDict, total=False):
     filter: str  #: "box", "tent", "gaussian", "blackman_harris"
     transparent_background: bool  #: alpha is 0 where the dome is seen
     through_transmission: bool  #: labels look through glass
-    vertex: int  #: of a path, that centre planes tell of; 0, the first surface
+    vertex: int  #: of a path, that centre planes show; 0, the first surface
     progress: bool | Callable[[Progress], Any] | None  #: None: a bar where one watches
     on_pass: Callable[[Frame], Any] | None  #: called with a frame after each doubling of samples
     timeout: float | None  #: seconds, then DeadlineExceeded
@@ -175,8 +175,8 @@ def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
 
 def may_any(scene: Scene, planes: Iterable[render_pb.PlaneRequest], averaged: bool) -> bool:
     """True where the daemon lists one of the planes as `averaged`, or does not list it."""
-    said = scene.client.connection.link.averaged
-    return any(said.get(plane.plane, averaged) == averaged for plane in planes)
+    averaged_by_plane = scene.client.connection.link.averaged
+    return any(averaged_by_plane.get(plane.plane, averaged) == averaged for plane in planes)
 
 
 def make_request(

@@ -87,7 +87,7 @@ class Live:
             self._outbox.put(service.StreamRequest(settings=self._settings()))
 
     def finish(self) -> None:
-        """Ends the iteration with the last frame asked for; takes no more updates."""
+        """Ends the iteration with the frame of the last update; takes no more updates."""
         with self._lock:
             self._is_finished = True
             self._outbox.put(None)

@@ -111,7 +111,7 @@ class Watch:
         self._resume(first)
 
     def _open(self, first: int) -> None:
-        """Begins at a revision, 0: the next one. The first reply says where that is."""
+        """Begins at a revision, 0: the next one. The first reply has its number."""
         request = service.WatchRequest(
             scene=self._scene.id,
             from_revision=first,

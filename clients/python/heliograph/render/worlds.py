@@ -1,4 +1,4 @@
-"""Worlds: copies of a scene that share all that they do not say themselves, rendered in one call.
+"""Worlds: copies of a scene that share all that they do not set themselves, rendered in one call.
 Used by Scene.render_worlds."""
 
 from __future__ import annotations

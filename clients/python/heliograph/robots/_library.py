@@ -79,7 +79,7 @@ class Library:
         return name
 
     def _source(self, file: Path, strict: bool) -> assets.Source:
-        """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
+        """COLLADA's numbers are in the link's frame whatever its up_axis, as RViz has it."""
         up = "z" if file.suffix.lower() == ".dae" else ""
         return assets.Source(file, up=up, folders=self.roots, strict=strict)
 

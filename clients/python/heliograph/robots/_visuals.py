@@ -31,14 +31,14 @@ _BRIGHTEST = 2  # a number of a color above it is one of 0 to 255
 
 class Visuals:
     """Materials by their names, and the visuals that have them; a robot without any is seen by
-    its collision shapes. lost: why some are left out."""
+    its collision shapes. left_out: errors of those that are not shown."""
 
     def __init__(self, notes: Notes, files: Files) -> None:
         self.notes = notes
         self.files = files
         self.numbers = Numbers(notes)
         self.looks: dict[str, Look] = {}
-        self.lost: list[HeliographError] = []
+        self.left_out: list[HeliographError] = []
 
     def define(self, materials: Iterable[Element]) -> None:
         """Materials that visuals may name; the first of a name counts."""
@@ -53,8 +53,8 @@ class Visuals:
         seen = any(link.find("visual") is not None for link in links.values())
         kind = "visual" if seen else "collision"
         found = {name: self._of(link, kind, f"link {name!r}") for name, link in links.items()}
-        if seen and self.lost and not any(found.values()):
-            raise self.lost[0]
+        if seen and self.left_out and not any(found.values()):
+            raise self.left_out[0]
         if not seen and any(found.values()):
             self.notes.warn("has no <visual>; its collision shapes are shown")
         return found
@@ -66,7 +66,7 @@ class Visuals:
                 visual = self._visual(element, where)
             except FAULTS as error:
                 self.notes.leave_out(error)
-                self.lost.append(error)
+                self.left_out.append(error)
                 continue
             if visual is not None:
                 found.append(visual)

@@ -83,8 +83,8 @@ def _decoded(data: bytes) -> str:
     for mark, name in _MARKS.items():
         if data.startswith(mark):
             return data.decode(name, "replace").removeprefix("\ufeff")
-    said = _ENCODING.search(data[:200])
-    names = [said.group(1).decode().lower()] if said else []
+    declared = _ENCODING.search(data[:200])
+    names = [declared.group(1).decode().lower()] if declared else []
     for name in (*names, "utf-8"):
         if not name.startswith(("utf-16", "utf-32", "ucs")):
             with contextlib.suppress(LookupError, UnicodeDecodeError):

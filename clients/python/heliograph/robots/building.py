@@ -134,7 +134,7 @@ class UrdfBuilder(Builder):
         material = None if visual.look is None else self._material(visual.look)
         given: Any = {} if material is None else {"material": material}
         if visual.file is None:
-            self._tell_if_hidden(visual, parent)
+            self._warn_if_hidden(visual, parent)
             given["mesh"] = self.library.mesh(self.edits, visual, name)
             at = visual.origin
             self.edits.entity(name, exist_ok=False, parent=parent, transform=at, part=part, **given)
@@ -146,7 +146,7 @@ class UrdfBuilder(Builder):
         if material is not None and not self.options.mesh_materials:
             overrides = dict.fromkeys(asset.materials, material)
         if overrides or not asset.materials:
-            self._tell_if_hidden(visual, parent)
+            self._warn_if_hidden(visual, parent)
         pose = visual.origin @ np.diag([*visual.size, 1.0])
         root = self.edits.instance(asset, name, transform=pose, parent=parent, materials=overrides)
         self.edits.update(root, label=None)  # that of the robot
@@ -157,7 +157,7 @@ class UrdfBuilder(Builder):
     def _material(self, look: Look) -> Material:
         return self.library.material(self.edits, look, self.robot.name, self.options.strict)
 
-    def _tell_if_hidden(self, visual: Visual, link: Entity) -> None:
+    def _warn_if_hidden(self, visual: Visual, link: Entity) -> None:
         look = visual.look
         alpha = look.color[3] if look is not None and look.color is not None else 1.0
         if alpha < _SEEN:

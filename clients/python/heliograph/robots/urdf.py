@@ -30,7 +30,7 @@ def read(
     strict: bool = False,
 ) -> RobotModel:
     """Parses a file. packages: folders by the names in package:// references. strict: refuses what
-    is told in warnings otherwise."""
+    is warned of otherwise."""
     return _Reader(Notes(Path(path), strict), packages).robot()
 
 

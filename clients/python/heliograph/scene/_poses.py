@@ -62,7 +62,7 @@ def _check(entities: int, matrices: int) -> None:
 
 
 def packed_ids(scene: Scene, handles: Sequence[Handle]) -> NdArray:
-    """(N,) u64; many names are asked for at once."""
+    """(N,) u64; many names take one call."""
     unknown = [handle for handle in handles if not handle.known_id and handle._edits is None]
     if len(unknown) > 8:
         known = {found.name: found.id for found in scene._objects("")}

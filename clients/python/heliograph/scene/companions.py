@@ -28,7 +28,7 @@ def allowed(folders: Sequence[str | os.PathLike[str]], field: str = "folders") -
 
 
 def find(folder: Path, name: str, folders: Sequence[str | os.PathLike[str]] = ()) -> Path | None:
-    """The file that a model in `folder` calls `name`: where it says, else the file of the same name
+    """The file that a model in `folder` calls `name`: at that path, else the file of the same name
     beneath a folder that may be read. Only what lies beneath `folder` or `folders` is found, links
     followed. The case of letters may differ, and letters be written as %20.
 

@@ -46,7 +46,7 @@ class Handle:
 
     @property
     def known_id(self) -> int:
-        """Its id, or 0 when it would have to be asked for."""
+        """Its id, or 0 when that would take a call."""
         return self._id
 
     def _name_or_refuse(self) -> str:

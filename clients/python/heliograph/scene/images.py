@@ -79,7 +79,7 @@ def texture_message(edits: Edits, image: Any, sampler: Sampler, layer: str) -> p
 
 
 def dome_texture(edits: Edits, image: Any, layer: str) -> tuple[str, pb.Texture]:
-    """A texture and its name, which tells its content: the same dome is the same object."""
+    """A texture and its name, with a hash of its content: the same dome is the same object."""
     texels, encoding = texels_of(edits, image, layer)
     digest = hashlib.sha256(texels.SerializeToString()).hexdigest()[:12]
     stem = Path(image).stem if isinstance(image, (str, os.PathLike)) else "array"

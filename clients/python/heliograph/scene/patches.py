@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Components(TypedDict, total=False):
-    """What an entity can be given; absent: stays as it is; None: reset to its default."""
+    """Components of an entity; absent: stays as it is; None: reset to its default."""
 
     transform: Any  #: 4x4 or Pose, relative to the parent
     keys: Mapping[float, Any] | None  #: {time in seconds: pose}, instead of transform
@@ -69,7 +69,7 @@ class Parameters(TypedDict, total=False):
     diffuse_transmission_color: Any
     emission: Any  #: >= 0: its colour
     emission_strength: Any  #: W sr^-1 m^-2
-    alpha: Any  #: [0, 1]: opacity, as alpha_mode says
+    alpha: Any  #: [0, 1]: opacity, by alpha_mode
     alpha_mode: str | None  #: "opaque", "mask", "blend"
     alpha_cutoff: float | None  #: [0, 1], of "mask"
     normal_map: Any  #: a texture or Tex; its strength in Tex.scale
@@ -127,7 +127,7 @@ def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
 
 
 def labelled(given: Components) -> Components:
-    """What is given a class is an instance: its label is "auto" unless another is given."""
+    """Makes an entity with a class an instance: its label is "auto" unless another is given."""
     if "label" in given or given.get("category") is None:
         return given
     return {**given, "label": "auto"}

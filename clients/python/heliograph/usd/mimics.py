@@ -37,7 +37,7 @@ def put(
             scale = scales[follower]
             mimic = Mimic(leader, factor * scale / scales[leader], first * scale)
             by_name[follower] = replace(by_name[follower], mimic=mimic)
-            _tell_where(context, one, by_name)
+            _note_where(context, one, by_name)
     return [by_name[joint.name] for joint in joints]
 
 
@@ -83,7 +83,7 @@ def _fault(joints: Mapping[str, Joint], follower: str, leader: str) -> str:
     return ""
 
 
-def _tell_where(context: Context, one: Found, joints: Mapping[str, Joint]) -> None:
+def _note_where(context: Context, one: Found, joints: Mapping[str, Joint]) -> None:
     """Notes that the stage has a follower elsewhere than the joint that it follows puts it."""
     for joint in joints.values():
         if joint.mimic and joint.name == one.path.rpartition("/")[2]:

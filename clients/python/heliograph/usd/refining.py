@@ -1,4 +1,4 @@
-"""The subdivision of a UsdGeomMesh that is asked for. Needs pxr."""
+"""The requested subdivision of a UsdGeomMesh. Needs pxr."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A USD file to a Model: opens the stage as asked and walks it. Needs pxr."""
+"""A USD file to a Model: opens the stage and walks it. Needs pxr."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INSTANCES = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
 def read(path: Path, options: Options) -> tuple[Model, Files]:
-    """Reads a USD file as the options say; returns its model and the files of its textures."""
+    """Reads a USD file by the options; returns its model and the files of its textures."""
     for purpose in options.purposes:
         if purpose not in PURPOSES:
             raise InvalidArgument(
@@ -81,7 +81,7 @@ def _select(sets: Any, path: str, name: str, variant: str) -> None:
 
 
 def _metres(stage: Any, units: float) -> float:
-    """Metres per unit; `units` where the file says nothing."""
+    """Metres per unit; `units` where the file has none."""
     found = float(UsdGeom.GetStageMetersPerUnit(stage))
     if units and not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         found = units

@@ -1,4 +1,4 @@
-"""What an entity can carry: cameras, lights, visibility; and textures that drive parameters."""
+"""Components of entities: cameras, lights, visibility; and textures that drive parameters."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class Camera:
         those of its neighbours, as a lens bends them; otherwise all go along the pixel's ray, as a
         scanner's beams. fields: any others of a Camera but fx, fy, cx, cy, aperture and rolling.
 
-        Such a camera is rendered at its own size. It does not tell where it sees a point: flow in
+        Such a camera is rendered at its own size. It cannot map a point to its image: flow in
         pixels, disparity, tracks, and keypoints where a mesh has some, are refused, and
         corners_image is nan."""
         from .ray_table import RayTable

@@ -21,7 +21,7 @@ _BASES: dict[str, NdArray] = {
 
 
 class Curves(TypedDict):
-    """What edit.mesh() takes of curves."""
+    """Keywords of edit.mesh() for curves."""
 
     positions: NdArray  #: (V, 3), or (K, V, 3), metres
     curves: NdArray  #: (S,) points of each strand

@@ -133,7 +133,7 @@ def _angle(value: Any, field: str) -> float:
 class Portal:
     """A rectangle about the entity's origin; the dome shines through it along its -Z axis.
 
-    It changes no picture in the mean: it says where light comes in, so that rooms are less noisy.
+    It changes no picture in the mean: it marks where light comes in, so that rooms are less noisy.
     width, height: metres along x and y; the entity's scale multiplies them.
     """
 

@@ -12,7 +12,7 @@ from .._wire.arrays import NdArray, checked
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """rays: (H, W, 6) float32, times: (H, W) float32 or None. Camera.from_rays says more."""
+    """rays: (H, W, 6) float32, times: (H, W) float32 or None. See Camera.from_rays."""
 
     rays: NdArray
     times: NdArray | None = None

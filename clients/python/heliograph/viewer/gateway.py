@@ -173,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, routes: dict[str, Any]) -> None:
         """Answers a request. Without the token the reply is the same for every path, so that it
-        tells nothing."""
+        discloses nothing."""
         length = self.headers.get("Content-Length", "0")
         self._body = b""
         if not length.isdigit() or int(length) > _MOST_BYTES:
@@ -196,7 +196,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(400, {"error": str(error)})
 
     def _is_local(self) -> bool:
-        """The Host is this machine, and a browser says that its own page asks."""
+        """True if the Host is this machine and, from a browser, the request is its own page's."""
         host = self.headers.get("Host", "")
         if not _HOST.fullmatch(host):
             return False
@@ -269,8 +269,8 @@ class _Handler(BaseHTTPRequestHandler):
         found = session.next(int(self._query.get("after", "0")), _POLL_SECONDS)
         if found is None:
             return self._send(204, b"", "image/jpeg")
-        said, data = found
-        self._send(200, data, "image/jpeg", X_Picture=json.dumps(said))
+        description, data = found
+        self._send(200, data, "image/jpeg", X_Picture=json.dumps(description))
 
     def _save(self) -> None:
         data = self.viewer.session(self._query["session"]).png()

@@ -16,7 +16,7 @@ from .session import LAYERS, PLANES
 if TYPE_CHECKING:
     from ..client.scene import Scene
 
-_MOST_OBJECTS = 20_000  # of the tree; the page says how many more there are
+_MOST_OBJECTS = 20_000  # of the tree; the page shows how many more there are
 _MOST_READ = 5_000
 
 

@@ -205,23 +205,23 @@ class Session:
                 return None
             self.seen = time.monotonic()
             frame, wish, serial, error = self._frame, self._wish, self._serial, self._error
-        said: dict[str, Any] = {"serial": serial, "error": error}
+        description: dict[str, Any] = {"serial": serial, "error": error}
         if frame is None:
-            return said, b""
+            return description, b""
         try:
             picture = drawn(frame, wish)
         except (HeliographError, KeyError) as problem:  # the frame of an earlier wish
-            said["error"] = error or str(problem)
-            return said, b""
-        said.update(
+            description["error"] = error or str(problem)
+            return description, b""
+        description.update(
             samples=frame.samples, final=frame.is_final, revision=frame.revision,
             width=frame.width, height=frame.height, seconds=round(frame.render_seconds, 3),
             camera=wish.camera, K=frame.K.tolist(), pose=frame.camera_from_world_cv.tolist(),
         )  # fmt: skip
-        return said, _jpeg(picture)
+        return description, _jpeg(picture)
 
     def png(self) -> bytes:
-        """The latest picture; FailedPrecondition is the caller's to tell when there is none."""
+        """PNG of the latest picture; empty when there is none."""
         with self._changed:
             frame, wish = self._frame, self._wish
         return b"" if frame is None else drawn(frame, wish).png()

@@ -71,8 +71,8 @@ _INFO = {
     "visib_fract": NUMBER,
 }
 _OBJECT = Kind("an object", lambda v: isinstance(v, dict))
-# Visibility by distance counts what is just behind as visible. A title or a table of names does not
-# say that it was used.
+# Visibility by distance counts what is just behind as visible. A title or a table of names is no
+# sign that it was used.
 _DELTA = re.compile(r"^(?![#|]).*\bdelta\b", re.MULTILINE)
 
 
@@ -90,8 +90,8 @@ def _scenes(root: Path) -> Iterator[Path]:
 
 def tasks(root: Path, faults: Faults) -> Iterator[Task]:
     models = read_models(root / "models", faults)
-    said = "\n".join(path.read_text() for path in sorted(root.glob("dataset_info.*")))
-    exact = _DELTA.search(said) is None
+    description = "\n".join(path.read_text() for path in sorted(root.glob("dataset_info.*")))
+    exact = _DELTA.search(description) is None
     total = 0
     for scene in _scenes(root):
         pictures = list(_pictures(scene, faults))

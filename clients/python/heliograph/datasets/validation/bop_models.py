@@ -16,7 +16,7 @@ from .report import Faults
 
 _SIZES = [f"{what}_{axis}" for what in ("min", "size") for axis in "xyz"]
 _INFO = {**dict.fromkeys(_SIZES, NUMBER), "diameter": NUMBER}
-_MANY = 5000  # vertices; of more, the outermost in some direction tell as much
+_MANY = 5000  # vertices; of more, the outermost in some direction suffice
 
 
 @dataclass(frozen=True)
@@ -49,25 +49,26 @@ def read_models(folder: Path, faults: Faults) -> dict[int, Model]:
 
 def _check_sizes(path: Path, points: NdArray, info: dict[str, Any], faults: Faults) -> None:
     low, size = points.min(0), np.ptp(points, axis=0)
-    told_low, told_size = (
+    stated_low, stated_size = (
         np.array([info[f"{what}_{axis}"] for axis in "xyz"], float) for what in ("min", "size")
     )
     diameter, longest = float(info["diameter"]), float(np.linalg.norm(size))
     within = 1e-3 * longest + 1e-3
-    ratio = np.linalg.norm(told_size) / max(longest, 1e-12)
+    ratio = np.linalg.norm(stated_size) / max(longest, 1e-12)
     if not 1 / 30 < ratio < 30:
         faults.add(
             "units",
             path,
-            f"its vertices span {size.round(4).tolist()}, models_info.json says "
-            f"{told_size.round(4).tolist()}: both are mm",
+            f"its vertices span {size.round(4).tolist()}, models_info.json has "
+            f"{stated_size.round(4).tolist()}: both are mm",
         )
-    elif max(np.abs(low - told_low).max(), np.abs(size - told_size).max()) > within:
+    elif max(np.abs(low - stated_low).max(), np.abs(size - stated_size).max()) > within:
         faults.add(
             "models",
             path,
             f"its vertices start at {low.round(3).tolist()} and span {size.round(3).tolist()}, "
-            f"models_info.json says {told_low.round(3).tolist()}, {told_size.round(3).tolist()}",
+            "models_info.json has "
+            f"{stated_low.round(3).tolist()}, {stated_size.round(3).tolist()}",
         )
     elif np.abs(low + size / 2).max() > 0.01 * longest + 1e-3:
         faults.add(

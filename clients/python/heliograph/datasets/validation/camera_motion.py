@@ -12,8 +12,8 @@ _ROUNDS = 12
 
 
 def flow_error(lens: Lens, pose: NdArray, points: NdArray, pixels: NdArray) -> NdArray:
-    """(N,) px between where points (N, 3) of the world are told to be seen, pixels (N, 2), and
-    where the camera sees them that fits most of them.
+    """(N,) px between the stated places (N, 2) in the image of points (N, 3) of the world and those
+    by the camera that fits most of them.
 
     Gauss-Newton from pose, (4, 4) camera_from_world, with Huber's weights (1964), which make few
     wrong ones count little.

@@ -243,13 +243,13 @@ class _Image:
         spans, owners = spans[order], owners[order]
         reach = np.maximum.accumulate(spans[:, 1])
         late = np.flatnonzero(spans[1:, 0] < reach[:-1])
-        told: set[frozenset[int]] = set()
+        reported: set[frozenset[int]] = set()
         for i in late:
             before = int(owners[: i + 1][spans[: i + 1, 1].argmax()])
             pair = frozenset((before, int(owners[i + 1])))
-            if pair in told:
+            if pair in reported:
                 continue
-            told.add(pair)
+            reported.add(pair)
             self._fault(
                 self.covered[max(pair)][0],
                 "disjoint",

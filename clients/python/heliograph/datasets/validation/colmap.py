@@ -87,9 +87,9 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
         _check_ids(folder / "images.txt", "image", numbers, faults)
         for name in [name for name, times in names.items() if times > 1]:
             faults.add("ids", folder / "images.txt", f"{name} is there {names[name]} times")
-        lost = set(tracks[:, 0].tolist()) - set(numbers)
-        if lost:
-            faults.add("tracks", folder / "points3D.txt", f"names image {min(lost)}, of no entry")
+        stray = set(tracks[:, 0].tolist()) - set(numbers)
+        if stray:
+            faults.add("tracks", folder / "points3D.txt", f"names image {min(stray)}, of no entry")
     wanted_images = wanted_count(root)
     if wanted_images is not None and count != wanted_images:
         faults.add("counts", root, f"has {count} images, and the data set {wanted_images}")
@@ -201,13 +201,13 @@ def check_images(
         rows = np.flatnonzero(image.points >= 0)
         known = np.isin(image.points[rows], ids)
         if not known.all():
-            lost = image.points[rows][~known][0]
-            faults.add("references", path, f"{name} names point {lost}: points3D.txt has it not")
+            missing = image.points[rows][~known][0]
+            faults.add("references", path, f"{name} names point {missing}: points3D.txt has it not")
             continue
         seen = {(int(row), int(image.points[row])) for row in rows}
-        told = {(int(row), int(point)) for row, point in own}
-        if seen != told:
-            differs = sorted(seen ^ told)[0]
+        named = {(int(row), int(point)) for row, point in own}
+        if seen != named:
+            differs = sorted(seen ^ named)[0]
             faults.add(
                 "tracks",
                 path,

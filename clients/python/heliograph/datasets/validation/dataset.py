@@ -88,7 +88,7 @@ def _listed(folder: Path) -> set[str]:
 
 
 def _format_of(own: Path) -> str:
-    """The writer that made it, "" where dataset.json does not say."""
+    """The writer that made it, "" where dataset.json names none."""
     writer: Any = read_object(own / "dataset.json").get("writer")
     return str(writer.get("format", "")) if isinstance(writer, dict) else ""
 
@@ -116,9 +116,9 @@ def check_records(folder: Path, names: list[str], faults: Faults) -> None:
 
 def check_scene(folder: Path, faults: Faults) -> None:
     """The scene that rerender starts from."""
-    told = read_object(folder / "dataset.json").get("scene_sha256")
-    if told is not None:
-        _check_bytes(folder / "scene.helio", told, faults)
+    expected = read_object(folder / "dataset.json").get("scene_sha256")
+    if expected is not None:
+        _check_bytes(folder / "scene.helio", expected, faults)
 
 
 def check_blobs(paths: list[Path], faults: Faults) -> None:
@@ -127,7 +127,7 @@ def check_blobs(paths: list[Path], faults: Faults) -> None:
         _check_bytes(path, path.name, faults)
 
 
-def _check_bytes(path: Path, told: str, faults: Faults) -> None:
+def _check_bytes(path: Path, expected: str, faults: Faults) -> None:
     digest = hashlib.sha256()
     if not path.is_file():
         faults.add("kept", path, "is not there, and images are rendered again from it: copy it")
@@ -135,8 +135,10 @@ def _check_bytes(path: Path, told: str, faults: Faults) -> None:
     with open(path, "rb") as file:
         while block := file.read(1 << 20):
             digest.update(block)
-    if digest.hexdigest() != told:
-        faults.add("kept", path, f"has the SHA-256 {digest.hexdigest()}, not {told}: copy it anew")
+    if digest.hexdigest() != expected:
+        faults.add(
+            "kept", path, f"has the SHA-256 {digest.hexdigest()}, not {expected}: copy it anew"
+        )
 
 
 def check_decodings(blobs: Path, paths: list[Path], faults: Faults) -> None:

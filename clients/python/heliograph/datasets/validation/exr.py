@@ -114,14 +114,14 @@ def read_header(path: Path) -> dict[str, Any]:
 def read_planes(path: Path) -> dict[str, NdArray]:
     """The parts of an EXR: (H, W) or (H, W, C)."""
     library = openexr()
-    said = io.StringIO()  # pixels that cannot be decoded are told there, and nowhere else
+    output = io.StringIO()  # the only report of pixels that cannot be decoded
     try:
-        with _READING, contextlib.redirect_stdout(said):
+        with _READING, contextlib.redirect_stdout(output):
             parts = library.File(str(path), separate_channels=True).parts
     except (RuntimeError, ValueError, TypeError) as error:
         raise Malformed(path, f"is no EXR that can be read ({error}): write it anew") from None
-    if "Exception" in said.getvalue():
-        first = said.getvalue().splitlines()[0]
+    if "Exception" in output.getvalue():
+        first = output.getvalue().splitlines()[0]
         raise Malformed(path, f"has pixels that cannot be read ({first}): write it anew")
     planes = {}
     for part in parts:

@@ -64,7 +64,7 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def wanted_count(root: Path) -> int | None:
-    """Number of images that the data set was to have; None where dataset.json does not say."""
+    """Number of images that the data set was to have; None where dataset.json has none."""
     path = root / OWN / "dataset.json"
     if not path.is_file():
         return None

@@ -60,11 +60,11 @@ class Shot:
             self.lens = lens_of(self.named, self.K, points, (pixels, within))
             if self.lens.kind == "other":
                 self._other_lens()
-            elif not self.lens.told:
+            elif not self.lens.stated:
                 seen = self.lens.K
                 self.report(
                     "camera",
-                    f"K has fx, fy, cx, cy {_four(self.K)}, and the points say {_four(seen)}: "
+                    f"K has fx, fy, cx, cy {_four(self.K)}, and the points give {_four(seen)}: "
                     "it is of the rendered size, integers are pixel centres",
                 )
         return self.lens
@@ -77,14 +77,14 @@ class Shot:
         if self.named is None or self.has_table:
             reason = "the points fit no pinhole, and the file has no projection and distortion"
             if self.has_table:
-                reason = "a ray table tells no place in the image"
+                reason = "a ray table gives no place in the image"
             for check in ("corners", "keypoints"):
                 self.leave(check, f"{reason}: places in the image are not looked at")
         else:
-            kind, told = self.named.kind, list(self.named.distortion)
+            kind, distortion = self.named.kind, list(self.named.distortion)
             self.report(
                 "camera",
-                f"projection {kind} with distortion {told} does not bring points to their "
+                f"projection {kind} with distortion {distortion} does not bring points to their "
                 "pixels, for any K: write the lens of this camera",
             )
 
@@ -144,7 +144,7 @@ def _check_poses(shot: Shot, rows: list[dict[str, Any]]) -> bool:
         shot.report(
             "camera",
             f"camera_from_world_cv is {shot.pose[:3].round(4).tolist()}, the instances' poses "
-            f"say {off[0][1][:3].round(4).tolist()}",
+            f"give {off[0][1][:3].round(4).tolist()}",
         )
         return True
     for label, _ in off:
@@ -161,14 +161,14 @@ def _check_corners(shot: Shot, rows: list[dict[str, Any]]) -> None:
     for row in rows:
         if "corners_camera" not in row or "box_half_extents" not in row:
             return
-        told = _points(row["corners_camera"], 3)
+        stated_corners = _points(row["corners_camera"], 3)
         pose = matrix(row, "camera_from_object_cv")
         half = np.array(row["box_half_extents"], float)
         points = (np.array(row["box_center"], float) + _BITS * half) @ pose[:3, :3].T + pose[:3, 3]
-        known = np.isfinite(told).all(1)
+        known = np.isfinite(stated_corners).all(1)
         within = 1e-4 * (1 + float(np.abs(points).max()))
-        if known.any() and np.abs(told - points)[known].max() > within:
-            far = float(np.abs(told - points)[known].max())
+        if known.any() and np.abs(stated_corners - points)[known].max() > within:
+            far = float(np.abs(stated_corners - points)[known].max())
             shot.report(
                 "corners",
                 f"label {row['label']}: corners_camera are up to {far:.4g} m from box_center +- "
@@ -243,7 +243,7 @@ def _wrong_shares(row: dict[str, Any]) -> list[str]:
         "truncation": 1 - inside / canvas if canvas else 0.0,
     }
     return [
-        f"{name} is {row[name]:.6g}: its pixels ({visible}, {inside}, {canvas}) say {value:.6g}"
+        f"{name} is {row[name]:.6g}: its pixels ({visible}, {inside}, {canvas}) give {value:.6g}"
         for name, value in expected.items()
         if name in row and abs(row[name] - value) > 1e-5
     ]
@@ -253,7 +253,7 @@ def _check_keypoints(shot: Shot, rows: list[dict[str, Any]], labels: set[Any]) -
     width, height = shot.size
     lens = shot.lens or shot.named
     if rows and lens is None:
-        shot.leave("keypoints", "nothing tells the lens: places in the image are not looked at")
+        shot.leave("keypoints", "the lens is not known: places in the image are not looked at")
     for row in rows:
         name = f"keypoint {row.get('name')} of label {row.get('label')}"
         if row.get("label") not in labels:

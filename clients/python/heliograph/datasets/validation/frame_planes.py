@@ -106,7 +106,7 @@ class Planes:
                 self.shot.leave("projection", _NO_LENS)
         else:
             error = np.abs(lens.project(points[before]) - pixels[before]).max(1)
-            self._tell(
+            self._worst(
                 "projection",
                 (pixels[before], error, _PIXEL),
                 "px from where position_camera projects to",
@@ -123,9 +123,9 @@ class Planes:
             self._world(position[hit], points, pixels)
         self._flow(position, hit)
 
-    def _tell(self, check: str, what: tuple[NdArray, NdArray, float | NdArray], words: str) -> None:
-        """what: pixels (N, 2), how far off each is, and how far it may be."""
-        pixels, error, within = what
+    def _worst(self, check: str, at: tuple[NdArray, NdArray, float | NdArray], words: str) -> None:
+        """Reports the worst pixel beyond its bound. at: pixels (N, 2), errors, bounds."""
+        pixels, error, within = at
         off = ~(error <= within)
         if off.any():
             worst = int(np.where(off, np.nan_to_num(error, nan=np.inf), -1).argmax())
@@ -142,7 +142,7 @@ class Planes:
         with np.errstate(invalid="ignore"):
             error = np.where(hit, np.abs(depth - camera[..., 2]), np.where(depth > 1e30, 0, np.inf))
         within = np.where(hit, 1e-5 + 1e-5 * np.abs(camera[..., 2]), 0.0)
-        self._tell(
+        self._worst(
             "depth",
             (np.column_stack([x, y]), error.ravel(), np.nan_to_num(within.ravel())),
             "m from the z of position_camera: depth is along the optical axis, in metres",
@@ -156,7 +156,7 @@ class Planes:
         expected = points[:, 2] if kind == "orthographic" else np.linalg.norm(points, axis=1)
         error = np.abs(distance[y, x] - expected)
         within = 1e-4 + 1e-5 * expected
-        self._tell("distance", (pixels, error, within), "m from the length of position_camera")
+        self._worst("distance", (pixels, error, within), "m from the length of position_camera")
 
     def _world(self, position: NdArray, points: NdArray, pixels: NdArray) -> None:
         pose = self.shot.pose
@@ -166,7 +166,7 @@ class Planes:
         off = ~(error <= within)
         if off.mean() <= 0.8:
             words = "m from camera_from_world_cv times position"
-            self._tell("positions", (pixels, error, within), words)
+            self._worst("positions", (pixels, error, within), words)
         else:
             self.report(
                 "camera",
@@ -181,7 +181,7 @@ class Planes:
         self.turns = rows.turns
         y, x = np.nonzero(hit)
         words = "m from where the best rigid motion of its row brings position"
-        self._tell("positions", (np.column_stack([x, y]), rows.error[hit], within[hit]), words)
+        self._worst("positions", (np.column_stack([x, y]), rows.error[hit], within[hit]), words)
         pose = self.shot.pose
         error = np.abs(position @ pose[:3, :3].T + pose[:3, 3] - camera).max(2)
         found, even = middle_error(error, hit)
@@ -212,7 +212,7 @@ class Planes:
                 return
         world, camera = self._get("normal"), self._get("normal_camera")
         if world is not None and camera is not None and self.shot.good:
-            self._tell_unknown_rows("normals", "normal_camera is not compared with normal")
+            self._leave_unknown_rows("normals", "normal_camera is not compared with normal")
             off = np.abs(self._turned(world) - camera).max(2) > 1e-3
             if 0 < off.mean() <= 0.8 * (camera != 0).any(2).mean():
                 y, x = np.argwhere(off)[0]
@@ -230,11 +230,11 @@ class Planes:
         """(H, W, 3) directions of the world as the camera sees them; nan where that is unknown."""
         return np.asarray(np.einsum("yij,yxj->yxi", self.turns, directions))
 
-    def _tell_unknown_rows(self, check: str, what: str) -> None:
+    def _leave_unknown_rows(self, check: str, what: str) -> None:
         unknown = int(np.isnan(self.turns).any((1, 2)).sum())
         if unknown:
             self.shot.leave(
-                check, f"{what} in rows of a rolling shutter whose points do not tell their pose"
+                check, f"{what} in rows of a rolling shutter whose points do not give their pose"
             )
 
     def _hit(self) -> NdArray | None:
@@ -259,8 +259,8 @@ class Planes:
                 continue
             box = list(extent(ids == label))
             if list(row.get("bbox_visible", box)) != box:
-                told = list(row["bbox_visible"])
-                self.report("masks", f"label {label}: bbox_visible is {told}: its pixels' is {box}")
+                own = list(row["bbox_visible"])
+                self.report("masks", f"label {label}: bbox_visible is {own}: its pixels' is {box}")
         self._classes(ids)
 
     def _classes(self, ids: NdArray) -> None:
@@ -311,8 +311,8 @@ class Planes:
                 self._object_points(label, (center + inside, position[seen], within_box[seen]))
 
     def _object_points(self, label: int, what: tuple[NdArray, NdArray, NdArray]) -> None:
-        """Checks that an instance that moves as one body, and is seen over half its box, is where
-        its pose says. Leaves out what deforms, and one part of many."""
+        """Checks that an instance that moves as one body, and is seen over half its box, is at
+        its pose. Leaves out what deforms, and one part of many."""
         points, positions, shares = what
         pose = matrix(self.rows[label], "world_from_object")
         if rotation_fault(pose[:3, :3]):
@@ -351,7 +351,7 @@ class Planes:
         pixels = np.column_stack([x, y]).astype(float)
         error = flow_error(lens, self.shot.pose, (position + motion)[known], pixels + flow[known])
         words = "px from where position + scene_flow is seen: flow is there minus here, y down"
-        self._tell("flow", (pixels, error, _FLOW), words)
+        self._worst("flow", (pixels, error, _FLOW), words)
 
     def _flow_visible(self) -> None:
         width, height = self.shot.size
@@ -388,7 +388,7 @@ class Planes:
             y, x = np.nonzero(hit)
             error = np.abs(shift[hit] - product / depth[hit])
             words = f"px from {product:.4g} / depth"
-            self._tell("disparity", (np.column_stack([x, y]), error, _FLOW), words)
+            self._worst("disparity", (np.column_stack([x, y]), error, _FLOW), words)
 
 
 def _rigid_residual(points: NdArray, positions: NdArray) -> float:

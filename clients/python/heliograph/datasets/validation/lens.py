@@ -18,11 +18,11 @@ _KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")
 class Lens(NamedTuple):
     """Lens of a saved frame. kind: a projection of docs/cameras.md, or "other", which is not
     checked further, such as a ray table, which gives no place in the image. K: (3, 3), fitted to
-    the points; the stated one, unless `told` is False. distortion: OpenCV's."""
+    the points; the file's, unless `stated` is False. distortion: OpenCV's."""
 
     kind: str
     K: NdArray
-    told: bool = True
+    stated: bool = True
     distortion: tuple[float, ...] = ()
 
     def sees(self, points: NdArray, beyond: float = 0.0) -> NdArray:
@@ -100,7 +100,7 @@ def lens_of(named: Lens | None, K: NdArray, points: NdArray, seen: tuple[NdArray
         there, at = points[visible], pixels[visible]
         if _agree(lens.project(there), at, within) >= _MOST:
             return lens
-        fitted = lens._replace(K=_fitted(lens.flat(there), at, within), told=False)
+        fitted = lens._replace(K=_fitted(lens.flat(there), at, within), stated=False)
         if _agree(fitted.project(there), at, within) >= _MOST:
             return fitted
     return Lens("other", K, named is None)

@@ -16,7 +16,7 @@ from ..._wire.arrays import NdArray
 def counts_of_text(text: str) -> NdArray:
     """(N,) run lengths of COCO's compressed text; ValueError when it is none.
 
-    Each number is little-endian groups of five bits plus 48, bit 6 says that more follow, the
+    Each number is little-endian groups of five bits plus 48, bit 6 means that more follow, the
     last group's bit 5 is the sign; from the fourth on a number is added to the one two before.
     """
     groups = np.frombuffer(text.encode("latin-1"), np.uint8).astype(np.int64) - 48

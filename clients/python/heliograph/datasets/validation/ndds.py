@@ -260,8 +260,8 @@ class _Object:
     ) -> None:
         """Is it local_cuboid that is seen? cuboid: that, and the half extents by its projection."""
         local, half = cuboid
-        told = np.ptp(local[:8], axis=0) / 2
-        ratio = float(np.linalg.norm(told) / np.linalg.norm(half))
+        stated_half = np.ptp(local[:8], axis=0) / 2
+        ratio = float(np.linalg.norm(stated_half) / np.linalg.norm(half))
         error = np.abs(project(K, local @ rotation.T + self.location) - flat).max()
         if not 1 / 30 < ratio < 30:
             self.fault(

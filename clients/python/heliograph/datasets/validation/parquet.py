@@ -59,9 +59,9 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
     if wanted is not None and len(values) != wanted:
         faults.add("counts", root, f"has {len(values)} images, and the data set {wanted}")
     for name in ("instances", "keypoints"):
-        for lost in np.setdiff1d(indices.get(name, values), values)[:3]:
+        for index in np.setdiff1d(indices.get(name, values), values)[:3]:
             faults.add(
-                "references", tables[name], f"has index {lost}, which images.parquet has not"
+                "references", tables[name], f"has index {index}, which images.parquet has not"
             )
     for batch in batches(values.tolist(), _IMAGES):
         yield partial(check_images, root, batch[0], batch[-1], [n for n in indices])

@@ -30,7 +30,7 @@ class LeftOut(NamedTuple):
 class Report:
     """Result of validate().
 
-    formats: recognised, or asked for. faults: at most `limit` per check, in a fixed order. counts:
+    formats: recognised, or requested. faults: at most `limit` per check, in a fixed order. counts:
     check to the number of all its faults. checked: format to the number of pieces (images, scenes,
     shards or files) looked at. left_out: checks that could not be made, and why.
     """

@@ -162,8 +162,8 @@ def _check_sample(path: Path, key: str, contents: dict[str, Any], faults: Faults
         return
     for ending, size in contents.items():
         if isinstance(size, tuple) and size != (content["width"], content["height"]):
-            told = f"{content['width']}x{content['height']}"
-            faults.add("pictures", path, f"{key}.{ending} is {size[0]}x{size[1]}, its JSON {told}")
+            named = f"{content['width']}x{content['height']}"
+            faults.add("pictures", path, f"{key}.{ending} is {size[0]}x{size[1]}, its JSON {named}")
     planes = {
         ending[: -len(".npy")]: array
         for ending, array in contents.items()

@@ -48,7 +48,7 @@ def camera_of(dataset: Dataset, image: Image) -> Camera:
 
 
 def check_pinhole(dataset: Dataset, image: Image, format: str) -> None:
-    """Refuses lenses that a format of K alone cannot say."""
+    """Refuses lenses that a format of K alone cannot describe."""
     camera = camera_of(dataset, image)
     if camera.projection != "perspective":
         wrong = f"is {camera.projection}"

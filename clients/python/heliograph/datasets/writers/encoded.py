@@ -9,7 +9,7 @@ import numpy as np
 from ..._wire.arrays import NdArray
 from ...image import png
 
-UNKNOWN_FLOW = 1e10  # above 1e9 Middlebury's code says unknown
+UNKNOWN_FLOW = 1e10  # Middlebury's code takes values above 1e9 for unknown
 
 
 def flo(flow: NdArray, valid: NdArray) -> bytes:

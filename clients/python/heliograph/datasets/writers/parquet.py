@@ -84,7 +84,7 @@ def _chunks(every: Iterator[Any]) -> Iterator[list[Any]]:
 
 
 def _types_of(labels: Mapping[str, Any]) -> dict[str, Any]:
-    """Type of each label column: "str", or its dtype and how many numbers a row has."""
+    """Type of each label column: "str", or its dtype and the numbers per row."""
     return {
         name: "str" if isinstance(column, list) else [column.dtype.str, *_width(column)]
         for name, column in ((name, labels[name]) for name in labels)
@@ -119,9 +119,9 @@ def _schema(table: str, types: Mapping[str, Any]) -> Any:
     return arrow.schema(list(fields.items()))
 
 
-def _arrow_type(told: Any) -> Any:
+def _arrow_type(type_of_column: Any) -> Any:
     arrow = pyarrow()
-    if told == "str":
+    if type_of_column == "str":
         return arrow.string()
-    number = arrow.from_numpy_dtype(np.dtype(told[0]))
-    return arrow.list_(number, told[1]) if len(told) > 1 else number
+    number = arrow.from_numpy_dtype(np.dtype(type_of_column[0]))
+    return arrow.list_(number, type_of_column[1]) if len(type_of_column) > 1 else number

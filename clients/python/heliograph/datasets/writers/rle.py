@@ -45,7 +45,7 @@ def _counts(starts: NdArray, ends: NdArray, size: int) -> list[int]:
 
 def compressed(counts: Sequence[int]) -> str:
     """COCO's text of counts: from the third on the difference to the one two before, in groups of
-    five bits, least significant first, the sixth bit saying that more follow, plus 48."""
+    five bits, least significant first, the sixth bit set where more follow, plus 48."""
     out = bytearray()
     for i, count in enumerate(counts):
         value = count - counts[i - 2] if i > 2 else count

@@ -17,7 +17,7 @@ from ..world import World
 from .document import Document
 from .textures import Textures, scaled
 
-# Parameters that glTF has none for, and their value that says nothing.
+# Parameters that glTF has none for, and their value without effect.
 _LEFT_OUT: Mapping[str, float] = {
     **{"subsurface": 0, "specular_tint": 0, "transmission_roughness": 0, "sheen_tint": 0},
     "medium_density": 0,

@@ -11,7 +11,7 @@ from ..._wire.arrays import NdArray
 from ..geometry import Geometry
 from .document import INDICES, VERTICES, Document
 
-_SMALL = 0xFFFF  # vertices that 16 bits tell apart, but for the last one, which is reserved
+_SMALL = 0xFFFF  # vertices that 16 bits can index, without the last one, which is reserved
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Clip:
         self.document.add("animations", found)
 
     def _kept(self, times: NdArray) -> tuple[NdArray, NdArray]:
-        """Times that float32 tells apart, and which they are."""
+        """Times that differ in float32, and their indices in `times`."""
         kept, places = np.unique(times.astype("<f4"), return_index=True)
         if len(kept) < len(times):
             self.world.notes.add("its clip", "keys that float32 does not tell apart are left out")

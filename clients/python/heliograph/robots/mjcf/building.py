@@ -78,7 +78,7 @@ class MjcfBuilder(Builder):
         return robot
 
     def _keypoints(self) -> Sequence[str]:
-        """Names of the joints that are keypoints: those asked for, or the first joint of each
+        """Names of the joints that are keypoints: those requested, or the first joint of each
         body."""
         if self.wanted.keypoints is not None:
             return self.wanted.keypoints

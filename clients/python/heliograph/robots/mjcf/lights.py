@@ -1,4 +1,4 @@
-"""Lights, sky and cameras. Used by building.py; docs/mjcf.md says how bright they are.
+"""Lights, sky and cameras. Used by building.py; docs/mjcf.md describes how bright they are.
 
 Source: MuJoCo's manual, "XML Reference", body/light, body/camera and visual.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _SUN = 0.0093  # radians
 _HALF_SPHERE = 3.139  # radians, about the widest sun
-_BULB = 0.02  # metres, where the file says none
+_BULB = 0.02  # metres, where the file has none
 _UNSEEN = Visibility(camera=False)
 
 
