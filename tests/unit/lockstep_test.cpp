@@ -207,7 +207,8 @@ TEST_CASE("lockstep: last rays are traced where they may meet light") {
   scene.add_instance(scene.add(block({4, 4, 4})), scene.add(plastic(0.4f)));
   scene.add_instance(scene.add(sphere(12)), scene.add(plastic(0.1f, 1)), pose(mat3(0.5f), {}));
   for (u32 i = 0; i < lamps; ++i) {
-    const vec3 place(float(i % 4) - 1.5f, float(i / 4) - 1, 1.5f);
+    const u32 row = i / 4;
+    const vec3 place(float(i % 4) - 1.5f, float(row) - 1, 1.5f);
     scene.add_light(
         scene.add_instance(scene.add(rectangle(0.1f, 0.1f)), scene.add(emitter(vec3(0))),
                            pose(rotation({1, 0, 0}, 3.1f), place)),
