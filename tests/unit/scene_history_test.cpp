@@ -101,6 +101,7 @@ void check_view(const kernels::SceneView& a, const kernels::SceneView& b) {
   CHECK(std::tie(a.any_holes, a.any_media, a.any_passable, a.any_priority, a.any_rich, a.radius) ==
         std::tie(b.any_holes, b.any_media, b.any_passable, b.any_priority, b.any_rich, b.radius));
   CHECK(a.plain_rays == b.plain_rays);
+  CHECK(std::tie(a.any_unlit, a.only_even) == std::tie(b.any_unlit, b.only_even));
   CHECK(a.center == b.center);
   const auto casters = [](const kernels::SceneView& v) {
     return std::span(v.casters, v.caster_count);

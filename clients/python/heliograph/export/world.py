@@ -67,15 +67,6 @@ class Dome:
     camera_visible: bool
 
 
-@dataclass(frozen=True)
-class Received:
-    """The daemon's answer to an ExportScene. default_material: it has values of all parameters."""
-
-    name: str
-    chunks: Iterable[service.SceneChunk]
-    default_material: pb.Material
-
-
 @dataclass
 class World:
     """Scene by keys. entities: parents before their children. time: seconds. notes: features that a
@@ -120,10 +111,10 @@ class World:
         return not entity.is_hidden
 
 
-def read(scene: Received) -> World:
-    """World of the answer to an ExportScene."""
-    header, blobs = _received(scene.chunks)
-    world = World(scene.name, blobs, scene.default_material)
+def read(name: str, chunks: Iterable[service.SceneChunk], default_material: pb.Material) -> World:
+    """World of the answer to an ExportScene. default_material: with values of all parameters."""
+    header, blobs = _received(chunks)
+    world = World(name, blobs, default_material)
     found: dict[int, Entity] = {}
     for number, edit in enumerate(header.transaction.edits):
         _take(world, found, number, edit)

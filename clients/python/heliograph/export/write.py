@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from .._optional import needed
 from .._wire._proto import service_pb2 as service
 from ..errors import InvalidArgument, NotFound, Unimplemented, warn_of_file
-from .world import Received, read
+from .world import read
 
 if TYPE_CHECKING:
     from ..client.scene import Scene
@@ -43,7 +43,7 @@ def export(scene: Scene, to: str | os.PathLike[str], revision: int | None) -> No
         raise Unimplemented(f"heliographd {server.version} cannot be exported from; update it")
     request = service.ExportSceneRequest(scene=scene.id, revision=revision)
     chunks = connection.stream("ExportScene", request)
-    world = read(Received(scene.name, chunks, server.default_material))
+    world = read(scene.name, chunks, server.default_material)
     try:
         if path.suffix.lower() == ".glb":
             from .gltf.write import write as write_glb
