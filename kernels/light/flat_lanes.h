@@ -15,6 +15,11 @@ struct FlatLights {
   Vec3<Floats> center;
   Floats radius2, power;
   Mat4x3<Floats> object_from_world;
+
+  /// Row k of lane i's light; its last one beyond.
+  [[nodiscard]] const FlatTriangle& row(u32 i, u32 k) const {
+    return rows[i][min2(k, u32(get(count, i)) - 1)];
+  }
 };
 /// lights(i)   the one of lane i
 template <class L>
@@ -28,7 +33,7 @@ KERNEL FlatLights flat_lights(const SceneView& scene, const L& lights) {
     leaves[i] = light.tree.nodes + light.tree.root;
     poses[i] = &scene.instances[light.instance].object_from_world;
     put(out.count, i, leaves[i]->count);
-    out.most = std::max<u32>(out.most, leaves[i]->count);
+    out.most = max2(out.most, u32(leaves[i]->count));
   }
   const FourOf<Floats> sphere = read4([&](u32 i) { return &leaves[i]->center.x; });
   out.center = {sphere.of[0], sphere.of[1], sphere.of[2]};
@@ -52,7 +57,7 @@ struct FlatTriangleLanes : WorldTriangleOf<Floats> {
 template <class N>
 KERNEL FlatTriangleLanes triangles_of(const FlatLights& lights, const N& number) {
   const auto row = [&](u32 k) {
-    return read4([&](u32 i) { return &lights.rows[i][number(i)].a.x + 4 * k; });
+    return read4([&](u32 i) { return &lights.row(i, number(i)).a.x + 4 * k; });
   };
   const FourOf<Floats> a = row(0), b = row(1), c = row(2), d = row(3);
   FlatTriangleLanes t;
@@ -90,8 +95,7 @@ KERNEL FlatChoice choose_near(const FlatLights& lights, Vec3<Floats> p, Floats u
   FlatChoice out;
   for (u32 k = 0; k < lights.most; ++k) {
     const Mask there = Ints(i32(k)) < lights.count;
-    const FlatTriangleLanes t =
-        triangles_of(lights, [&](u32 i) { return std::min(k, u32(get(lights.count, i)) - 1); });
+    const FlatTriangleLanes t = triangles_of(lights, [k](u32) { return k; });
     seen[k] = sphere_triangle(t.a, t.ab, t.ac, p);
     const Mask dark = dot(p - t.a, t.normal) <= 0;
     const Mask shows = ((!dark) | t.both) & there & (seen[k].solid_angle > kLeastSolidAngle);
@@ -118,9 +122,7 @@ KERNEL FlatChoice choose_far(const FlatLights& lights, Floats u) {
   out.rest = u * lights.power;
   Mask done = false;
   for (u32 k = 0; k < lights.most; ++k) {
-    const Floats power = read4([&](u32 i) {
-                           return &lights.rows[i][std::min(k, u32(get(lights.count, i)) - 1)].ab.x;
-                         }).of[3];
+    const Floats power = read4([&](u32 i) { return &lights.row(i, k).ab.x; }).of[3];
     out.weight = select(done, out.weight, power);
     const Mask on = (!done) & (out.rest >= power) & (Ints(i32(k) + 1) < lights.count);
     out.rest = select(on, out.rest - power, out.rest);
@@ -146,7 +148,7 @@ KERNEL LightPointOf<Floats> sample_flat_lights(const FlatLights& lights, Vec3<Fl
     choice.rest = select(near, choice.rest, far.rest);
     choice.total = select(near, choice.total, far.total);
   }
-  const FlatTriangleLanes t = triangles_of(lights, [&](u32 i) { return get(choice.row, i); });
+  const FlatTriangleLanes t = triangles_of(lights, [&](u32 i) { return u32(get(choice.row, i)); });
   const Vec2<Floats> own(rescale_uniform(choice.rest, choice.weight), u.y);
   Vec2<Floats> place(0);
   if (!all(near)) place = sample_triangle(own);
